@@ -1,0 +1,1 @@
+//! Error propagation, circular errors and budgets.

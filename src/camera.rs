@@ -1,0 +1,1 @@
+//! The camera: interior orientation and lens, both ways, with Jacobians.

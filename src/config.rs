@@ -1,0 +1,1 @@
+//! The pipeline file: text to validated, typed settings.

@@ -1,0 +1,1 @@
+//! Files to types and back; the only user of the file system below the engine.

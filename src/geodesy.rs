@@ -1,0 +1,1 @@
+//! The ellipsoid, geodetic positions, local tangent frames and heights.

@@ -1,0 +1,1 @@
+//! Frames and log to one pose and footprint per frame.

@@ -1,0 +1,1 @@
+//! Georeferenced frames to one mosaic.

@@ -1,0 +1,1 @@
+//! The navigation log: records, interpolation and mounting.

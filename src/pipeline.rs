@@ -1,0 +1,1 @@
+//! The run: order, run folder, manifest, events.

@@ -1,0 +1,1 @@
+//! Results to HTML, SVG and JSON text; computes nothing.

@@ -1,0 +1,1 @@
+//! Thin stage adapters: load, call, save.

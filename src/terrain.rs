@@ -1,0 +1,1 @@
+//! The ground: planes and elevation models, met by viewing rays.

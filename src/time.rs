@@ -1,0 +1,1 @@
+//! Time: log clocks and exposure times as seconds on one named clock.

@@ -1,0 +1,1 @@
+//! Scalar units: newtypes whose constructors name the unit.
