@@ -23,10 +23,10 @@ pub mod camera;
 pub mod navigation;
 pub mod terrain;
 // Floor 4: one module per product, in the order of a run.
+pub mod accuracy;
 pub mod calibration;
 pub mod georeference;
 pub mod mosaic;
-pub mod accuracy;
 // Floor 4': scenes with known truth. Its renderer shares no geometry with the modules above.
 pub mod synthetic;
 // Floor 5: bytes and text.

@@ -1,0 +1,184 @@
+//! A calibrated camera: interior orientation, image size and covariance; and pixels that a program turned.
+
+use super::ImagePoint;
+use super::brown::{Brown, CameraError, InteriorCovariance};
+use crate::geometry::{Camera as CameraFrame, Displacement};
+use nalgebra::{Matrix2, SMatrix, Vector2};
+
+/// A camera as the later stages use it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// Interior orientation and lens.
+    pub brown: Brown,
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// Covariance of the interior parameters, when the calibration knows it.
+    pub covariance: Option<InteriorCovariance>,
+}
+
+impl Camera {
+    /// From interior orientation and image size.
+    ///
+    /// # Errors
+    /// [`CameraError::EmptyImage`].
+    pub fn new(
+        brown: Brown,
+        width: u32,
+        height: u32,
+        covariance: Option<InteriorCovariance>,
+    ) -> Result<Self, CameraError> {
+        if width == 0 || height == 0 {
+            return Err(CameraError::EmptyImage { width, height });
+        }
+        Ok(Self {
+            brown,
+            width,
+            height,
+            covariance,
+        })
+    }
+
+    /// The middle of the image (not the principal point).
+    #[must_use]
+    pub fn image_centre(&self) -> ImagePoint {
+        ImagePoint::new(
+            0.5 * (f64::from(self.width) - 1.0),
+            0.5 * (f64::from(self.height) - 1.0),
+        )
+    }
+
+    /// True when the pixel lies on the sensor: within half a pixel of a pixel centre.
+    #[must_use]
+    pub fn contains(&self, pixel: ImagePoint) -> bool {
+        pixel.column >= -0.5
+            && pixel.row >= -0.5
+            && pixel.column <= f64::from(self.width) - 0.5
+            && pixel.row <= f64::from(self.height) - 0.5
+    }
+
+    /// Viewing ray of a pixel: a direction whose component along the optical axis is 1, or `None` where
+    /// the lens has no inverse.
+    #[must_use]
+    pub fn ray_from_pixel(&self, pixel: ImagePoint) -> Option<Displacement<CameraFrame>> {
+        self.brown
+            .ideal_from_pixel(pixel)
+            .map(|ideal| Displacement::new(ideal.x, ideal.y, 1.0))
+    }
+
+    /// Pixel in which a direction is seen, or `None` behind the camera or past the fold of the lens. The
+    /// pixel may lie outside the image: see [`Camera::contains`].
+    #[must_use]
+    pub fn pixel_from_ray(&self, ray: Displacement<CameraFrame>) -> Option<ImagePoint> {
+        if ray.z() <= 0.0 {
+            return None;
+        }
+        self.brown
+            .pixel_from_ideal(Vector2::new(ray.x() / ray.z(), ray.y() / ray.z()))
+    }
+
+    /// Derivatives of the viewing ray's (x, y) by the pixel (2×2) and by the interior parameters (2×10),
+    /// or `None` where the lens has no inverse.
+    ///
+    /// # Source
+    /// Implicit function theorem on [`Brown::project`].
+    #[must_use]
+    pub fn ray_derivatives(
+        &self,
+        pixel: ImagePoint,
+    ) -> Option<(Matrix2<f64>, SMatrix<f64, 2, 10>)> {
+        let projected = self.brown.project(self.brown.ideal_from_pixel(pixel)?);
+        let by_pixel = projected.by_ideal.try_inverse()?;
+        Some((by_pixel, -by_pixel * projected.by_interior))
+    }
+}
+
+/// How the pixels of a file were turned, clockwise, after the camera wrote them.
+///
+/// Viewers that "rotate" a photo move the pixels but not the lens: the interior orientation belongs to
+/// the sensor, so a stored pixel is turned back before it is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PixelRotation {
+    /// As the camera wrote them.
+    #[default]
+    None,
+    /// A quarter turn clockwise.
+    Clockwise90,
+    /// Upside down.
+    Half,
+    /// A quarter turn counter-clockwise.
+    Clockwise270,
+}
+
+impl PixelRotation {
+    /// From whole quarter turns clockwise, any sign.
+    #[must_use]
+    pub const fn from_quarter_turns(turns: i64) -> Self {
+        match turns.rem_euclid(4) {
+            0 => Self::None,
+            1 => Self::Clockwise90,
+            2 => Self::Half,
+            _ => Self::Clockwise270,
+        }
+    }
+    /// Degrees clockwise.
+    #[must_use]
+    pub const fn degrees(self) -> u32 {
+        match self {
+            Self::None => 0,
+            Self::Clockwise90 => 90,
+            Self::Half => 180,
+            Self::Clockwise270 => 270,
+        }
+    }
+    /// Size of the stored image for a sensor of this size.
+    #[must_use]
+    pub const fn stored_size(self, width: u32, height: u32) -> (u32, u32) {
+        match self {
+            Self::None | Self::Half => (width, height),
+            Self::Clockwise90 | Self::Clockwise270 => (height, width),
+        }
+    }
+    /// Stored pixel of a sensor pixel; `width` and `height` are the sensor's.
+    #[must_use]
+    pub fn stored_from_sensor(self, p: ImagePoint, width: u32, height: u32) -> ImagePoint {
+        let (right, bottom) = (f64::from(width) - 1.0, f64::from(height) - 1.0);
+        match self {
+            Self::None => p,
+            Self::Clockwise90 => ImagePoint::new(bottom - p.row, p.column),
+            Self::Half => ImagePoint::new(right - p.column, bottom - p.row),
+            Self::Clockwise270 => ImagePoint::new(p.row, right - p.column),
+        }
+    }
+    /// Sensor pixel of a stored pixel; `width` and `height` are the sensor's.
+    #[must_use]
+    pub fn sensor_from_stored(self, p: ImagePoint, width: u32, height: u32) -> ImagePoint {
+        let (right, bottom) = (f64::from(width) - 1.0, f64::from(height) - 1.0);
+        match self {
+            Self::None => p,
+            Self::Clockwise90 => ImagePoint::new(p.row, bottom - p.column),
+            Self::Half => ImagePoint::new(right - p.column, bottom - p.row),
+            Self::Clockwise270 => ImagePoint::new(right - p.row, p.column),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turning_pixels_and_turning_back_is_nothing() {
+        for turns in 0..4 {
+            let rotation = PixelRotation::from_quarter_turns(turns);
+            let sensor = ImagePoint::new(7.25, 3.5);
+            let stored = rotation.stored_from_sensor(sensor, 40, 30);
+            assert_eq!(rotation.sensor_from_stored(stored, 40, 30), sensor);
+        }
+        // A quarter turn clockwise brings the top-left pixel to the top right.
+        let corner =
+            PixelRotation::Clockwise90.stored_from_sensor(ImagePoint::new(0.0, 0.0), 40, 30);
+        assert_eq!(corner, ImagePoint::new(29.0, 0.0));
+    }
+}
