@@ -1,1 +1,11 @@
-//! The navigation log: records, interpolation and mounting.
+//! The navigation log: records, interpolation to the exposure, and how the camera is mounted.
+//!
+//! A record is what the ADAHRS knew at one instant, in one set of conventions: WGS 84 position of the
+//! antenna, attitude of the UAV as yaw, pitch, roll, optional gimbal angles. Whatever a file said in other
+//! senses, units or datums was converted where it was read.
+
+mod mount;
+mod track;
+
+pub use mount::{GimbalAngles, GimbalReference, Mount};
+pub use track::{NavigationRecord, Track, TrackError};
