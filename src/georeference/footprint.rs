@@ -3,6 +3,7 @@
 use super::frame::{GeoreferencedFrame, LocateError};
 use crate::camera::ImagePoint;
 use crate::geodesy::{Geodetic, WGS84};
+use crate::geometry::{Camera, Displacement, Ecef};
 
 /// One corner of the outline.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,8 +74,7 @@ impl Footprint {
         }
         let centre = frame.ecef_from_camera().origin;
         let ground = anchor.position;
-        let axis = *frame.ecef_from_camera()
-            * crate::geometry::Displacement::<crate::geometry::Camera>::new(0.0, 0.0, 1.0);
+        let axis = *frame.ecef_from_camera() * Displacement::<Camera>::new(0.0, 0.0, 1.0);
         let up = WGS84.geodetic_from_ecef(&centre).up();
         Ok(Self {
             outline,
@@ -164,7 +164,7 @@ fn gsd_at(
     let centre = frame.image_centre();
     // One pixel towards the middle of the image, so that a pixel on its border steps inwards.
     let inwards = |from: f64, to: f64| if from > to { -1.0 } else { 1.0 };
-    let step = |dc: f64, dr: f64| {
+    let step = |dc: f64, dr: f64| -> Result<Displacement<Ecef>, LocateError> {
         let to = ImagePoint::new(pixel.column + dc, pixel.row + dr);
         let there = frame.ground_from_pixel_at_height(to, height)?;
         Ok(WGS84.ecef_from_geodetic(&there.position) - WGS84.ecef_from_geodetic(ground))
