@@ -19,20 +19,12 @@ impl<T: Copy> Raster<T> {
     /// From samples row by row; `None` when their number is not width × height.
     #[must_use]
     pub fn new(width: usize, height: usize, samples: Vec<T>) -> Option<Self> {
-        (width.checked_mul(height)? == samples.len()).then_some(Self {
-            width,
-            height,
-            samples,
-        })
+        (width.checked_mul(height)? == samples.len()).then_some(Self { width, height, samples })
     }
     /// One value everywhere.
     #[must_use]
     pub fn filled(width: usize, height: usize, value: T) -> Self {
-        Self {
-            width,
-            height,
-            samples: vec![value; width * height],
-        }
+        Self { width, height, samples: vec![value; width * height] }
     }
     /// Columns.
     #[must_use]

@@ -15,9 +15,8 @@ use super::ImagePoint;
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
 /// Names of the ten interior parameters in the order of every vector and covariance of them.
-pub const INTERIOR_NAMES: [&str; 10] = [
-    "fx_px", "fy_px", "skew_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3",
-];
+pub const INTERIOR_NAMES: [&str; 10] =
+    ["fx_px", "fy_px", "skew_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3"];
 
 /// Covariance of the interior parameters in the order of [`INTERIOR_NAMES`], units squared.
 pub type InteriorCovariance = SMatrix<f64, 10, 10>;
@@ -97,28 +96,13 @@ impl Brown {
             }
         }
         let fold_radius_squared = first_fold(k1, k2, k3);
-        Ok(Self {
-            fx,
-            fy,
-            skew,
-            cx,
-            cy,
-            k1,
-            k2,
-            p1,
-            p2,
-            k3,
-            fold_radius_squared,
-        })
+        Ok(Self { fx, fy, skew, cx, cy, k1, k2, p1, p2, k3, fold_radius_squared })
     }
 
     /// The parameters in the order of [`INTERIOR_NAMES`].
     #[must_use]
     pub const fn interior(&self) -> [f64; 10] {
-        [
-            self.fx, self.fy, self.skew, self.cx, self.cy, self.k1, self.k2, self.p1, self.p2,
-            self.k3,
-        ]
+        [self.fx, self.fy, self.skew, self.cx, self.cy, self.k1, self.k2, self.p1, self.p2, self.k3]
     }
 
     /// Ideal radius (tangent of the off-axis angle) beyond which the lens folds back; infinite if never.
@@ -131,8 +115,7 @@ impl Brown {
     #[must_use]
     pub fn pixel_from_ideal(&self, ideal: Vector2<f64>) -> Option<ImagePoint> {
         let (distorted, jacobian) = self.distort(ideal);
-        self.is_single_valued(ideal, &jacobian)
-            .then(|| self.pixel_from_distorted(distorted))
+        self.is_single_valued(ideal, &jacobian).then(|| self.pixel_from_distorted(distorted))
     }
 
     /// Pixel of the ideal point with derivatives, without asking whether the lens folds there: the
@@ -160,11 +143,7 @@ impl Brown {
         for (column, term) in terms {
             by_interior.set_column(column, &(affine * term));
         }
-        Projected {
-            pixel: self.pixel_from_distorted(d),
-            by_ideal: affine * jacobian,
-            by_interior,
-        }
+        Projected { pixel: self.pixel_from_distorted(d), by_ideal: affine * jacobian, by_interior }
     }
 
     /// Ideal point (x, y) = (X/Z, Y/Z) of a pixel, or `None` where the lens has no inverse.
@@ -235,10 +214,7 @@ impl Brown {
     }
 
     fn pixel_from_distorted(&self, d: Vector2<f64>) -> ImagePoint {
-        ImagePoint::new(
-            self.fx * d.x + self.skew * d.y + self.cx,
-            self.fy * d.y + self.cy,
-        )
+        ImagePoint::new(self.fx * d.x + self.skew * d.y + self.cx, self.fy * d.y + self.cy)
     }
 }
 
@@ -255,11 +231,7 @@ fn first_fold(k1: f64, k2: f64, k3: f64) -> f64 {
             vec![]
         } else {
             let q = -0.5 * (b + disc.sqrt().copysign(b));
-            if q == 0.0 {
-                vec![0.0]
-            } else {
-                vec![q / a, c / q]
-            }
+            if q == 0.0 { vec![0.0] } else { vec![q / a, c / q] }
         }
     };
     // Past s = 1e6 (89.94° off axis) a pinhole-type lens sees nothing.
@@ -290,19 +262,14 @@ mod tests {
     /// Eqs. (6) and (7) of the paper.
     fn paper() -> Brown {
         Brown::new([
-            743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.0199, 0.1629, 0.0076, 0.0039,
-            -0.3018,
+            743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.0199, 0.1629, 0.0076, 0.0039, -0.3018,
         ])
         .unwrap()
     }
 
     #[test]
     fn the_papers_lens_folds_where_the_reference_says() {
-        assert!(
-            (paper().fold_radius() - 0.9578).abs() < 1e-4,
-            "{}",
-            paper().fold_radius()
-        );
+        assert!((paper().fold_radius() - 0.9578).abs() < 1e-4, "{}", paper().fold_radius());
     }
 
     #[test]
@@ -311,9 +278,7 @@ mod tests {
         let invalid = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>| {
             rows.flat_map(|r| columns.clone().map(move |c| (c, r)))
                 .filter(|&(c, r)| {
-                    camera
-                        .ideal_from_pixel(ImagePoint::new(f64::from(c), f64::from(r)))
-                        .is_none()
+                    camera.ideal_from_pixel(ImagePoint::new(f64::from(c), f64::from(r))).is_none()
                 })
                 .count() as i64
         };
@@ -325,10 +290,7 @@ mod tests {
             (576..1152, 324..648, 202),
         ] {
             let found = invalid(columns, rows);
-            assert!(
-                (found - expected).abs() <= 20,
-                "{found} invalid pixels, {expected} expected"
-            );
+            assert!((found - expected).abs() <= 20, "{found} invalid pixels, {expected} expected");
         }
     }
 
@@ -345,10 +307,7 @@ mod tests {
         assert!(Brown::new(p).unwrap_err().to_string().contains("k2"));
         p = paper().interior();
         p[1] = -3.0;
-        assert!(matches!(
-            Brown::new(p),
-            Err(CameraError::FocalLength { name: "fy_px", .. })
-        ));
+        assert!(matches!(Brown::new(p), Err(CameraError::FocalLength { name: "fy_px", .. })));
     }
 
     proptest! {

@@ -32,21 +32,13 @@ impl Camera {
         if width == 0 || height == 0 {
             return Err(CameraError::EmptyImage { width, height });
         }
-        Ok(Self {
-            brown,
-            width,
-            height,
-            covariance,
-        })
+        Ok(Self { brown, width, height, covariance })
     }
 
     /// The middle of the image (not the principal point).
     #[must_use]
     pub fn image_centre(&self) -> ImagePoint {
-        ImagePoint::new(
-            0.5 * (f64::from(self.width) - 1.0),
-            0.5 * (f64::from(self.height) - 1.0),
-        )
+        ImagePoint::new(0.5 * (f64::from(self.width) - 1.0), 0.5 * (f64::from(self.height) - 1.0))
     }
 
     /// True when the pixel lies on the sensor: within half a pixel of a pixel centre.
@@ -62,9 +54,7 @@ impl Camera {
     /// the lens has no inverse.
     #[must_use]
     pub fn ray_from_pixel(&self, pixel: ImagePoint) -> Option<Displacement<CameraFrame>> {
-        self.brown
-            .ideal_from_pixel(pixel)
-            .map(|ideal| Displacement::new(ideal.x, ideal.y, 1.0))
+        self.brown.ideal_from_pixel(pixel).map(|ideal| Displacement::new(ideal.x, ideal.y, 1.0))
     }
 
     /// Pixel in which a direction is seen, or `None` behind the camera or past the fold of the lens. The
@@ -74,8 +64,7 @@ impl Camera {
         if ray.z() <= 0.0 {
             return None;
         }
-        self.brown
-            .pixel_from_ideal(Vector2::new(ray.x() / ray.z(), ray.y() / ray.z()))
+        self.brown.pixel_from_ideal(Vector2::new(ray.x() / ray.z(), ray.y() / ray.z()))
     }
 
     /// Derivatives of the viewing ray's (x, y) by the pixel (2×2) and by the interior parameters (2×10),
@@ -84,10 +73,7 @@ impl Camera {
     /// # Source
     /// Implicit function theorem on [`Brown::project`].
     #[must_use]
-    pub fn ray_derivatives(
-        &self,
-        pixel: ImagePoint,
-    ) -> Option<(Matrix2<f64>, SMatrix<f64, 2, 10>)> {
+    pub fn ray_derivatives(&self, pixel: ImagePoint) -> Option<(Matrix2<f64>, SMatrix<f64, 2, 10>)> {
         let projected = self.brown.project(self.brown.ideal_from_pixel(pixel)?);
         let by_pixel = projected.by_ideal.try_inverse()?;
         Some((by_pixel, -by_pixel * projected.by_interior))
@@ -177,8 +163,7 @@ mod tests {
             assert_eq!(rotation.sensor_from_stored(stored, 40, 30), sensor);
         }
         // A quarter turn clockwise brings the top-left pixel to the top right.
-        let corner =
-            PixelRotation::Clockwise90.stored_from_sensor(ImagePoint::new(0.0, 0.0), 40, 30);
+        let corner = PixelRotation::Clockwise90.stored_from_sensor(ImagePoint::new(0.0, 0.0), 40, 30);
         assert_eq!(corner, ImagePoint::new(29.0, 0.0));
     }
 }

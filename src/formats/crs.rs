@@ -65,17 +65,11 @@ fn traditional(mut srs: SpatialRef) -> SpatialRef {
 pub(crate) fn spatial_ref(definition: &str) -> Result<SpatialRef, CrsError> {
     SpatialRef::from_definition(definition)
         .map(traditional)
-        .map_err(|e| CrsError::Unknown {
-            definition: definition.to_owned(),
-            cause: e.to_string(),
-        })
+        .map_err(|e| CrsError::Unknown { definition: definition.to_owned(), cause: e.to_string() })
 }
 
 /// A transformation that is exact or does not exist: a missing grid is an error, never a shift left out.
-pub(crate) fn exact_transform(
-    from: &SpatialRef,
-    to: &SpatialRef,
-) -> gdal::errors::Result<CoordTransform> {
+pub(crate) fn exact_transform(from: &SpatialRef, to: &SpatialRef) -> gdal::errors::Result<CoordTransform> {
     let mut options = CoordTransformOptions::new()?;
     options.set_ballpark_allowed(false)?;
     CoordTransform::new_with_options(from, to, &options)
@@ -99,29 +93,14 @@ impl Projection {
             Some("a local CRS without a place on the Earth")
         };
         if let Some(kind) = kind {
-            return Err(CrsError::WrongKind {
-                definition: definition.to_owned(),
-                name,
-                kind,
-            });
+            return Err(CrsError::WrongKind { definition: definition.to_owned(), name, kind });
         }
-        let wkt = srs.to_wkt().map_err(|e| CrsError::Unknown {
-            definition: definition.to_owned(),
-            cause: e.to_string(),
-        })?;
+        let wkt = srs
+            .to_wkt()
+            .map_err(|e| CrsError::Unknown { definition: definition.to_owned(), cause: e.to_string() })?;
         let geographic = srs.is_geographic();
-        let metres_per_unit = if geographic {
-            METRES_PER_DEGREE
-        } else {
-            srs.linear_units()
-        };
-        let projection = Self {
-            definition: definition.to_owned(),
-            wkt,
-            name,
-            metres_per_unit,
-            geographic,
-        };
+        let metres_per_unit = if geographic { METRES_PER_DEGREE } else { srs.linear_units() };
+        let projection = Self { definition: definition.to_owned(), wkt, name, metres_per_unit, geographic };
         projection.with_transforms(|_, _| ())?;
         Ok(projection)
     }
@@ -132,15 +111,8 @@ impl Projection {
     /// # Errors
     /// As [`Projection::new`].
     pub fn utm_at(position: &Geodetic) -> Result<Self, CrsError> {
-        let zone = ((position.longitude.degrees() + 180.0) / 6.0)
-            .floor()
-            .rem_euclid(60.0) as u32
-            + 1;
-        let base = if position.latitude.get() >= 0.0 {
-            32_600
-        } else {
-            32_700
-        };
+        let zone = ((position.longitude.degrees() + 180.0) / 6.0).floor().rem_euclid(60.0) as u32 + 1;
+        let base = if position.latitude.get() >= 0.0 { 32_600 } else { 32_700 };
         Self::new(&format!("EPSG:{}", base + zone))
     }
 
@@ -196,9 +168,7 @@ impl Projection {
     fn transform(&self, forward: bool, x: &mut [f64], y: &mut [f64]) -> Result<(), usize> {
         let run = |x: &mut [f64], y: &mut [f64]| {
             self.with_transforms(|f, i| {
-                let done = if forward { f } else { i }
-                    .transform_coords(x, y, &mut [])
-                    .is_ok();
+                let done = if forward { f } else { i }.transform_coords(x, y, &mut []).is_ok();
                 done && x.iter().chain(y.iter()).all(|v| v.is_finite())
             })
             .unwrap_or(false)
@@ -207,9 +177,7 @@ impl Projection {
         if x.is_empty() || run(x, y) {
             return Ok(());
         }
-        Err((0..x0.len())
-            .find(|&k| !run(&mut [x0[k]], &mut [y0[k]]))
-            .unwrap_or(0))
+        Err((0..x0.len()).find(|&k| !run(&mut [x0[k]], &mut [y0[k]])).unwrap_or(0))
     }
 }
 
@@ -217,31 +185,23 @@ impl MapProjection for Projection {
     fn map_from_geodetic(&self, positions: &[Geodetic]) -> Result<Vec<MapPoint>, ProjectionError> {
         let mut x: Vec<f64> = positions.iter().map(|p| p.longitude.degrees()).collect();
         let mut y: Vec<f64> = positions.iter().map(|p| p.latitude.degrees()).collect();
-        self.transform(true, &mut x, &mut y)
-            .map_err(|k| ProjectionError::NoForward {
-                latitude_deg: positions[k].latitude.degrees(),
-                longitude_deg: positions[k].longitude.degrees(),
-                crs: self.name.clone(),
-            })?;
-        Ok(x.into_iter()
-            .zip(y)
-            .map(|(easting, northing)| MapPoint { easting, northing })
-            .collect())
+        self.transform(true, &mut x, &mut y).map_err(|k| ProjectionError::NoForward {
+            latitude_deg: positions[k].latitude.degrees(),
+            longitude_deg: positions[k].longitude.degrees(),
+            crs: self.name.clone(),
+        })?;
+        Ok(x.into_iter().zip(y).map(|(easting, northing)| MapPoint { easting, northing }).collect())
     }
 
     fn geodetic_from_map(&self, positions: &[MapPoint]) -> Result<Vec<Geodetic>, ProjectionError> {
         let mut x: Vec<f64> = positions.iter().map(|p| p.easting).collect();
         let mut y: Vec<f64> = positions.iter().map(|p| p.northing).collect();
-        self.transform(false, &mut x, &mut y)
-            .map_err(|k| ProjectionError::NoInverse {
-                easting: positions[k].easting,
-                northing: positions[k].northing,
-                crs: self.name.clone(),
-            })?;
-        Ok(x.into_iter()
-            .zip(y)
-            .map(|(lon, lat)| Geodetic::from_degrees(lat, lon, 0.0))
-            .collect())
+        self.transform(false, &mut x, &mut y).map_err(|k| ProjectionError::NoInverse {
+            easting: positions[k].easting,
+            northing: positions[k].northing,
+            crs: self.name.clone(),
+        })?;
+        Ok(x.into_iter().zip(y).map(|(lon, lat)| Geodetic::from_degrees(lat, lon, 0.0)).collect())
     }
 }
 
@@ -259,10 +219,7 @@ mod tests {
         // First check point of the Seneca survey, published in both systems.
         let g = Geodetic::from_degrees(41.037_669_560, -83.305_959_435, 0.0);
         let m = p.map_from_geodetic(&[g]).unwrap()[0];
-        assert!(
-            (m.easting - 306_168.420).abs() < 2e-3 && (m.northing - 4_545_500.411).abs() < 2e-3,
-            "{m:?}"
-        );
+        assert!((m.easting - 306_168.420).abs() < 2e-3 && (m.northing - 4_545_500.411).abs() < 2e-3, "{m:?}");
         let back = p.geodetic_from_map(&[m]).unwrap()[0];
         assert!((back.latitude.degrees() - 41.037_669_560).abs() < 1e-10);
         assert!((p.metres_per_unit() - 1.0).abs() < 1e-12);
@@ -278,22 +235,10 @@ mod tests {
 
     #[test]
     fn nonsense_is_refused() {
-        assert!(matches!(
-            Projection::new("EPSG:99999"),
-            Err(CrsError::Unknown { .. })
-        ));
-        assert!(matches!(
-            Projection::new("hello"),
-            Err(CrsError::Unknown { .. })
-        ));
-        assert!(matches!(
-            Projection::new("EPSG:4978"),
-            Err(CrsError::WrongKind { .. })
-        ));
-        assert!(matches!(
-            Projection::new("EPSG:5773"),
-            Err(CrsError::WrongKind { .. })
-        ));
+        assert!(matches!(Projection::new("EPSG:99999"), Err(CrsError::Unknown { .. })));
+        assert!(matches!(Projection::new("hello"), Err(CrsError::Unknown { .. })));
+        assert!(matches!(Projection::new("EPSG:4978"), Err(CrsError::WrongKind { .. })));
+        assert!(matches!(Projection::new("EPSG:5773"), Err(CrsError::WrongKind { .. })));
     }
 
     #[test]
@@ -302,34 +247,19 @@ mod tests {
         let cases = [
             ((0.0, 0.0, 0.0), [[0.0, 0.0, 0.0], [0.0, 0.0, 2.512]]),
             ((90.0, 0.0, 0.0), [[0.0, 0.0, -90.0], [0.0, 0.0, -87.488]]),
-            (
-                (30.0, 5.0, -3.0),
-                [[2.832, -5.097, -30.005], [3.053, -4.968, -27.487]],
-            ),
-            (
-                (-120.0, 10.0, 0.0),
-                [[-5.038, 8.649, 120.381], [-5.414, 8.420, 122.911]],
-            ),
-            (
-                (30.0, 40.0, 0.0),
-                [[36.005, -18.747, -23.859], [36.663, -17.259, -21.731]],
-            ),
+            ((30.0, 5.0, -3.0), [[2.832, -5.097, -30.005], [3.053, -4.968, -27.487]]),
+            ((-120.0, 10.0, 0.0), [[-5.038, 8.649, 120.381], [-5.414, 8.420, 122.911]]),
+            ((30.0, 40.0, 0.0), [[36.005, -18.747, -23.859], [36.663, -17.259, -21.731]]),
         ];
         let utm = Projection::new("EPSG:32633").unwrap();
         for (place, (lat, lon)) in [(36.0, 15.0), (60.0, 17.9)].into_iter().enumerate() {
-            let convergence =
-                grid_convergence(&utm, &Geodetic::from_degrees(lat, lon, 0.0)).unwrap();
+            let convergence = grid_convergence(&utm, &Geodetic::from_degrees(lat, lon, 0.0)).unwrap();
             for ((yaw, pitch, roll), expected) in cases {
-                let ned_from_camera = YawPitchRoll::from_degrees(yaw, pitch, roll)
-                    .rotation::<Ned, Body>()
+                let ned_from_camera = YawPitchRoll::from_degrees(yaw, pitch, roll).rotation::<Ned, Body>()
                     * GimbalAngles::NADIR.rotation::<Body>()
                     * Mount::gimbal_from_camera_axes();
-                let opk =
-                    OmegaPhiKappa::of_ned_from_camera::<Ned, Camera>(&ned_from_camera, convergence);
-                for (angle, expected) in [opk.omega, opk.phi, opk.kappa]
-                    .into_iter()
-                    .zip(expected[place])
-                {
+                let opk = OmegaPhiKappa::of_ned_from_camera::<Ned, Camera>(&ned_from_camera, convergence);
+                for (angle, expected) in [opk.omega, opk.phi, opk.kappa].into_iter().zip(expected[place]) {
                     assert!(
                         (angle.degrees() - expected).abs() < 1.1e-3,
                         "{lat}N yaw {yaw} pitch {pitch} roll {roll}: {} expected {expected}",

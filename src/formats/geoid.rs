@@ -53,15 +53,11 @@ impl Geoid {
 
 fn egm96(positions: &[Geodetic]) -> Result<Vec<f64>, GeoidError> {
     const MODEL: &str = "EGM96";
-    let no_grid = |cause: String| GeoidError::NoGrid {
-        model: MODEL,
-        cause,
-    };
+    let no_grid = |cause: String| GeoidError::NoGrid { model: MODEL, cause };
     let ellipsoidal = spatial_ref("EPSG:4979").map_err(|e| no_grid(e.to_string()))?;
     let above_sea = spatial_ref("EPSG:4326+5773").map_err(|e| no_grid(e.to_string()))?;
     // From sea level to the ellipsoid, so that PROJ evaluates the grid at the position itself.
-    let transform =
-        exact_transform(&above_sea, &ellipsoidal).map_err(|e| no_grid(e.to_string()))?;
+    let transform = exact_transform(&above_sea, &ellipsoidal).map_err(|e| no_grid(e.to_string()))?;
     let mut x: Vec<f64> = positions.iter().map(|p| p.longitude.degrees()).collect();
     let mut y: Vec<f64> = positions.iter().map(|p| p.latitude.degrees()).collect();
     let mut z = vec![0.0; positions.len()];
@@ -85,13 +81,8 @@ mod tests {
     fn egm96_at_known_places() {
         // Published with the survey data; PROJ's own test point is N(48, 11) = 45.96 m.
         for (lat, lon, n) in [(48.0, 11.0, 45.96), (41.0365, -83.3065, -35.82)] {
-            let found = Geoid::Egm96
-                .undulations(&[Geodetic::from_degrees(lat, lon, 0.0)])
-                .unwrap()[0];
-            assert!(
-                (found - n).abs() < 0.02,
-                "N({lat}, {lon}) = {found}, expected {n}"
-            );
+            let found = Geoid::Egm96.undulations(&[Geodetic::from_degrees(lat, lon, 0.0)]).unwrap()[0];
+            assert!((found - n).abs() < 0.02, "N({lat}, {lon}) = {found}, expected {n}");
         }
     }
 }

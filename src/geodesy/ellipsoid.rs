@@ -14,10 +14,7 @@ pub struct Ellipsoid {
 }
 
 /// WGS 84 (NIMA TR8350.2).
-pub const WGS84: Ellipsoid = Ellipsoid {
-    semi_major_m: 6_378_137.0,
-    flattening: 1.0 / 298.257_223_563,
-};
+pub const WGS84: Ellipsoid = Ellipsoid { semi_major_m: 6_378_137.0, flattening: 1.0 / 298.257_223_563 };
 
 /// A position by latitude, longitude and height above the WGS 84 ellipsoid.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,10 +40,7 @@ impl Geodetic {
     /// The same latitude and longitude at another height.
     #[must_use]
     pub const fn at_height(self, height_m: f64) -> Self {
-        Self {
-            height: Metres::new(height_m),
-            ..self
-        }
+        Self { height: Metres::new(height_m), ..self }
     }
     /// Unit vector straight up (the ellipsoid's normal), in ECEF.
     #[must_use]
@@ -72,11 +66,7 @@ impl Ellipsoid {
         let (sin_lon, cos_lon) = g.longitude.get().sin_cos();
         let n = self.semi_major_m / (1.0 - e2 * sin_lat * sin_lat).sqrt();
         let h = g.height.get();
-        Point::new(
-            (n + h) * cos_lat * cos_lon,
-            (n + h) * cos_lat * sin_lon,
-            (n * (1.0 - e2) + h) * sin_lat,
-        )
+        Point::new((n + h) * cos_lat * cos_lon, (n + h) * cos_lat * sin_lon, (n * (1.0 - e2) + h) * sin_lat)
     }
 
     /// Geodetic position of an ECEF position; within 1 nm anywhere from the deep crust to orbit.
@@ -176,8 +166,7 @@ mod tests {
     fn tangent_axes_point_north_east_down() {
         let here = Geodetic::from_degrees(41.0, -83.0, 250.0);
         let tangent = LocalTangent::at(here);
-        let step =
-            |n, e, d| WGS84.geodetic_from_ecef(&(*tangent.ecef_from_ned() * Point::new(n, e, d)));
+        let step = |n, e, d| WGS84.geodetic_from_ecef(&(*tangent.ecef_from_ned() * Point::new(n, e, d)));
         assert!(step(1.0, 0.0, 0.0).latitude > here.latitude);
         assert!(step(0.0, 1.0, 0.0).longitude > here.longitude);
         assert!((step(0.0, 0.0, 1.0).height.get() - 249.0).abs() < 1e-9);

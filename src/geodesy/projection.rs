@@ -59,24 +59,12 @@ pub trait MapProjection: Send + Sync {
 ///
 /// # Errors
 /// As [`MapProjection::map_from_geodetic`].
-pub fn grid_convergence(
-    projection: &dyn MapProjection,
-    at: &Geodetic,
-) -> Result<Radians, ProjectionError> {
+pub fn grid_convergence(projection: &dyn MapProjection, at: &Geodetic) -> Result<Radians, ProjectionError> {
     let half_step = 0.5e-6;
-    let south = Geodetic {
-        latitude: Radians::new(at.latitude.get() - half_step),
-        height: Metres::new(0.0),
-        ..*at
-    };
-    let north = Geodetic {
-        latitude: Radians::new(at.latitude.get() + half_step),
-        ..south
-    };
+    let south =
+        Geodetic { latitude: Radians::new(at.latitude.get() - half_step), height: Metres::new(0.0), ..*at };
+    let north = Geodetic { latitude: Radians::new(at.latitude.get() + half_step), ..south };
     let map = projection.map_from_geodetic(&[south, north])?;
-    let (de, dn) = (
-        map[1].easting - map[0].easting,
-        map[1].northing - map[0].northing,
-    );
+    let (de, dn) = (map[1].easting - map[0].easting, map[1].northing - map[0].northing);
     Ok(Radians::new((-de).atan2(dn)))
 }

@@ -31,11 +31,7 @@ impl YawPitchRoll {
     /// From degrees.
     #[must_use]
     pub const fn from_degrees(yaw: f64, pitch: f64, roll: f64) -> Self {
-        Self::new(
-            Radians::from_degrees(yaw),
-            Radians::from_degrees(pitch),
-            Radians::from_degrees(roll),
-        )
+        Self::new(Radians::from_degrees(yaw), Radians::from_degrees(pitch), Radians::from_degrees(roll))
     }
     /// The rotation these angles describe.
     ///
@@ -122,23 +118,10 @@ mod tests {
 
     #[test]
     fn axes_mean_what_the_doc_says() {
-        let turn = |y, p, r| {
-            YawPitchRoll::from_degrees(y, p, r)
-                .rotation::<Ned, Body>()
-                .matrix()
-        };
-        assert!(
-            (turn(90.0, 0.0, 0.0) * Vector3::x() - Vector3::y()).norm() < 1e-12,
-            "nose east"
-        );
-        assert!(
-            (turn(0.0, 90.0, 0.0) * Vector3::x() + Vector3::z()).norm() < 1e-12,
-            "nose up"
-        );
-        assert!(
-            (turn(0.0, 0.0, 90.0) * Vector3::y() - Vector3::z()).norm() < 1e-12,
-            "right wing down"
-        );
+        let turn = |y, p, r| YawPitchRoll::from_degrees(y, p, r).rotation::<Ned, Body>().matrix();
+        assert!((turn(90.0, 0.0, 0.0) * Vector3::x() - Vector3::y()).norm() < 1e-12, "nose east");
+        assert!((turn(0.0, 90.0, 0.0) * Vector3::x() + Vector3::z()).norm() < 1e-12, "nose up");
+        assert!((turn(0.0, 0.0, 90.0) * Vector3::y() - Vector3::z()).norm() < 1e-12, "right wing down");
     }
 
     proptest! {

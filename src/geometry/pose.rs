@@ -119,10 +119,7 @@ impl<To: Frame, From: Frame> Rotation<To, From> {
     /// Labels a bare rotation.
     #[must_use]
     pub const fn from_rotation(matrix: Rotation3<f64>) -> Self {
-        Self {
-            matrix,
-            frames: PhantomData,
-        }
+        Self { matrix, frames: PhantomData }
     }
     /// Labels a matrix that is already orthonormal with determinant +1 (not checked).
     #[must_use]

@@ -34,9 +34,7 @@ impl Chain {
         let ned_from_body = record.attitude.rotation::<Ned, Body>();
         let angles = record.gimbal.unwrap_or(mount.gimbal);
         let body_from_gimbal = match mount.gimbal_reference {
-            GimbalReference::Body => {
-                mount.boresight.rotation::<Body, Body>() * angles.rotation::<Body>()
-            }
+            GimbalReference::Body => mount.boresight.rotation::<Body, Body>() * angles.rotation::<Body>(),
             GimbalReference::Nav => {
                 ned_from_body.inverse()
                     * angles.rotation::<Ned>()
@@ -60,9 +58,8 @@ impl Chain {
     /// Hemerly (2014), eq. (8); the antenna's lever arm is added because the log gives the antenna.
     #[must_use]
     pub fn ned_from_camera(&self) -> Pose<Ned, Camera> {
-        let antenna_to_camera_in_body = self.gimbal_in_body
-            + self.antenna_in_body * -1.0
-            + self.body_from_gimbal * self.camera_in_gimbal;
+        let antenna_to_camera_in_body =
+            self.gimbal_in_body + self.antenna_in_body * -1.0 + self.body_from_gimbal * self.camera_in_gimbal;
         Pose::new(
             self.ned_from_body * self.body_from_gimbal * self.gimbal_from_camera,
             Point::origin() + self.ned_from_body * antenna_to_camera_in_body,
@@ -100,10 +97,7 @@ mod tests {
     }
     fn close(rotation: Matrix3<f64>, expected: [[f64; 3]; 3]) {
         let expected = Matrix3::from_fn(|r, c| expected[r][c]);
-        assert!(
-            (rotation - expected).abs().max() < 1e-6,
-            "{rotation} expected {expected}"
-        );
+        assert!((rotation - expected).abs().max() < 1e-6, "{rotation} expected {expected}");
     }
 
     #[test]
@@ -120,11 +114,7 @@ mod tests {
         let chain = Chain::new(&record(0.0, 0.0, 0.0), &mount);
         close(
             chain.ned_from_camera().rotation.matrix(),
-            [
-                [0.243276, -0.515147, 0.821852],
-                [0.969957, 0.129205, -0.206130],
-                [0.0, 0.847307, 0.531103],
-            ],
+            [[0.243276, -0.515147, 0.821852], [0.969957, 0.129205, -0.206130], [0.0, 0.847307, 0.531103]],
         );
     }
 
@@ -140,11 +130,7 @@ mod tests {
             ..Mount::default()
         };
         let mut flight = record(0.0, 0.0, 0.0);
-        flight.attitude = YawPitchRoll::new(
-            Radians::new(3.166),
-            Radians::new(0.057),
-            Radians::new(0.0356),
-        );
+        flight.attitude = YawPitchRoll::new(Radians::new(3.166), Radians::new(0.057), Radians::new(0.0356));
         let chain = Chain::new(&flight, &mount);
         close(
             (chain.body_from_gimbal * chain.gimbal_from_camera).matrix(),
@@ -169,9 +155,7 @@ mod tests {
             camera_in_gimbal: Displacement::new(0.03, 0.0, 0.0),
             ..Mount::default()
         };
-        let c = Chain::new(&record(90.0, 0.0, 0.0), &mount)
-            .ned_from_camera()
-            .origin;
+        let c = Chain::new(&record(90.0, 0.0, 0.0), &mount).ned_from_camera().origin;
         assert!(c.distance_to(&Point::new(0.0, 0.2, 0.63)) < 1e-12, "{c:?}");
     }
 

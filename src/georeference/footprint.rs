@@ -51,20 +51,14 @@ impl Footprint {
         ] {
             for i in 0..PER_SIDE {
                 let k = f64::from(i) / f64::from(PER_SIDE);
-                border.push(ImagePoint::new(
-                    from.0 + k * (to.0 - from.0),
-                    from.1 + k * (to.1 - from.1),
-                ));
+                border.push(ImagePoint::new(from.0 + k * (to.0 - from.0), from.1 + k * (to.1 - from.1)));
             }
         }
         let mut clipped = false;
         let mut outline = Vec::with_capacity(border.len());
         for edge in border {
             let vertex = match frame.ground_from_pixel(edge) {
-                Ok(ground) => FootprintVertex {
-                    pixel: edge,
-                    position: ground.position,
-                },
+                Ok(ground) => FootprintVertex { pixel: edge, position: ground.position },
                 Err(_) => {
                     clipped = true;
                     draw_in(frame, anchor_pixel, anchor.position, edge)
@@ -80,21 +74,15 @@ impl Footprint {
             outline,
             clipped,
             gsd_m: gsd_at(frame, anchor_pixel, &ground)?,
-            height_above_ground_m: WGS84.geodetic_from_ecef(&centre).height.get()
-                - ground.height.get(),
+            height_above_ground_m: WGS84.geodetic_from_ecef(&centre).height.get() - ground.height.get(),
             off_nadir: (-axis.vector().dot(&up.vector())).clamp(-1.0, 1.0).acos(),
-            anchor: Some(FootprintVertex {
-                pixel: anchor_pixel,
-                position: ground,
-            }),
+            anchor: Some(FootprintVertex { pixel: anchor_pixel, position: ground }),
         })
     }
 }
 
 /// The image centre, or the pixel nearest to it on a coarse grid that sees ground.
-fn find_anchor(
-    frame: &GeoreferencedFrame,
-) -> Result<(ImagePoint, super::frame::GroundPoint), LocateError> {
+fn find_anchor(frame: &GeoreferencedFrame) -> Result<(ImagePoint, super::frame::GroundPoint), LocateError> {
     let centre = frame.image_centre();
     let why = match frame.ground_from_pixel(centre) {
         Ok(ground) => return Ok((centre, ground)),
@@ -113,10 +101,7 @@ fn find_anchor(
         .collect();
     let distance = |p: &ImagePoint| (p.column - centre.column).hypot(p.row - centre.row);
     candidates.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    candidates
-        .into_iter()
-        .find_map(|p| frame.ground_from_pixel(p).ok().map(|g| (p, g)))
-        .ok_or(why)
+    candidates.into_iter().find_map(|p| frame.ground_from_pixel(p).ok().map(|g| (p, g))).ok_or(why)
 }
 
 /// The last pixel that sees ground on the way from the anchor to a border pixel that does not.
@@ -134,18 +119,12 @@ fn draw_in(
         )
     };
     let (mut seen, mut unseen) = (0.0, 1.0);
-    let mut best = FootprintVertex {
-        pixel: anchor,
-        position: anchor_position,
-    };
+    let mut best = FootprintVertex { pixel: anchor, position: anchor_position };
     while (unseen - seen) * length > CLIP_RESOLUTION_PX {
         let mid = 0.5 * (seen + unseen);
         match frame.ground_from_pixel(at(mid)) {
             Ok(ground) => {
-                best = FootprintVertex {
-                    pixel: at(mid),
-                    position: ground.position,
-                };
+                best = FootprintVertex { pixel: at(mid), position: ground.position };
                 seen = mid;
             }
             Err(_) => unseen = mid,
@@ -155,11 +134,7 @@ fn draw_in(
 }
 
 /// Square root of the ground area of one pixel, at the ground height under it.
-fn gsd_at(
-    frame: &GeoreferencedFrame,
-    pixel: ImagePoint,
-    ground: &Geodetic,
-) -> Result<f64, LocateError> {
+fn gsd_at(frame: &GeoreferencedFrame, pixel: ImagePoint, ground: &Geodetic) -> Result<f64, LocateError> {
     let height = ground.height.get();
     let centre = frame.image_centre();
     // One pixel towards the middle of the image, so that a pixel on its border steps inwards.

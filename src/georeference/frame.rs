@@ -35,9 +35,7 @@ pub struct GeoreferencedFrame {
 
 impl std::fmt::Debug for GeoreferencedFrame {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GeoreferencedFrame")
-            .field("name", &self.name)
-            .finish_non_exhaustive()
+        f.debug_struct("GeoreferencedFrame").field("name", &self.name).finish_non_exhaustive()
     }
 }
 
@@ -110,11 +108,7 @@ impl GeoreferencedFrame {
         let chain = Chain::new(&record, mount);
         let ecef_from_camera = chain.ecef_from_camera();
         let finite = ecef_from_camera.origin.is_finite()
-            && ecef_from_camera
-                .rotation
-                .matrix()
-                .iter()
-                .all(|v| v.is_finite());
+            && ecef_from_camera.rotation.matrix().iter().all(|v| v.is_finite());
         if !finite {
             return Err(FrameError::NotFinite);
         }
@@ -144,8 +138,7 @@ impl GeoreferencedFrame {
     /// Size of the stored image, columns and rows.
     #[must_use]
     pub fn stored_size(&self) -> (u32, u32) {
-        self.pixel_rotation
-            .stored_size(self.camera.width, self.camera.height)
+        self.pixel_rotation.stored_size(self.camera.width, self.camera.height)
     }
 
     /// Middle of the stored image.
@@ -158,8 +151,7 @@ impl GeoreferencedFrame {
     /// Sensor pixel of a stored pixel.
     #[must_use]
     pub fn sensor_from_stored(&self, stored: ImagePoint) -> ImagePoint {
-        self.pixel_rotation
-            .sensor_from_stored(stored, self.camera.width, self.camera.height)
+        self.pixel_rotation.sensor_from_stored(stored, self.camera.width, self.camera.height)
     }
 
     /// Viewing ray of a stored pixel in ECEF.
@@ -170,24 +162,13 @@ impl GeoreferencedFrame {
         let sensor = self.sensor_from_stored(stored);
         if !self.camera.contains(sensor) {
             let (width, height) = self.stored_size();
-            return Err(LocateError::OutsideImage {
-                column: stored.column,
-                row: stored.row,
-                width,
-                height,
-            });
+            return Err(LocateError::OutsideImage { column: stored.column, row: stored.row, width, height });
         }
         let ray = self
             .camera
             .ray_from_pixel(sensor)
-            .ok_or(LocateError::NoRay {
-                column: stored.column,
-                row: stored.row,
-            })?;
-        Ok(Ray::new(
-            self.ecef_from_camera.origin,
-            self.ecef_from_camera * ray,
-        ))
+            .ok_or(LocateError::NoRay { column: stored.column, row: stored.row })?;
+        Ok(Ray::new(self.ecef_from_camera.origin, self.ecef_from_camera * ray))
     }
 
     /// Ground point seen by a stored pixel: eqs. (8)–(10).
@@ -218,11 +199,7 @@ impl GeoreferencedFrame {
         let ray = self.ray_from_pixel(stored)?;
         let position = ground_from_ray(&ray, ground, self.max_range_m)?;
         let range_m = ray.origin.distance_to(&WGS84.ecef_from_geodetic(&position));
-        Ok(GroundPoint {
-            position,
-            ray,
-            range_m,
-        })
+        Ok(GroundPoint { position, ray, range_m })
     }
 
     /// Stored pixel that sees an ECEF point, which may lie outside the image; `None` behind the camera,
@@ -236,10 +213,7 @@ impl GeoreferencedFrame {
             return None;
         }
         let sensor = self.camera.pixel_from_ray(ray)?;
-        Some(
-            self.pixel_rotation
-                .stored_from_sensor(sensor, self.camera.width, self.camera.height),
-        )
+        Some(self.pixel_rotation.stored_from_sensor(sensor, self.camera.width, self.camera.height))
     }
 
     /// True when a stored pixel lies on the image: within half a pixel of a pixel centre.

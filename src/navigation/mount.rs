@@ -20,11 +20,8 @@ pub struct GimbalAngles {
 
 impl GimbalAngles {
     /// Straight down with the image's top towards the nose.
-    pub const NADIR: Self = Self {
-        pan: Radians::new(0.0),
-        elevation: Radians::from_degrees(-90.0),
-        roll: Radians::new(0.0),
-    };
+    pub const NADIR: Self =
+        Self { pan: Radians::new(0.0), elevation: Radians::from_degrees(-90.0), roll: Radians::new(0.0) };
 
     /// Rotation from the gimbal's inner frame to the frame its angles are counted from.
     ///

@@ -40,9 +40,7 @@ pub enum TrackError {
         line: u64,
     },
     /// Times must strictly increase.
-    #[error(
-        "line {line}: time {time_s} s does not come after {previous_s} s of line {previous_line}"
-    )]
+    #[error("line {line}: time {time_s} s does not come after {previous_s} s of line {previous_line}")]
     NotIncreasing {
         /// Line of the later record.
         line: u64,
@@ -54,9 +52,7 @@ pub enum TrackError {
         previous_s: f64,
     },
     /// The instant lies before the first or after the last record.
-    #[error(
-        "exposure at {time_s:.3} s lies {by_s:.3} s {side} of the log ({first_s:.3} to {last_s:.3} s)"
-    )]
+    #[error("exposure at {time_s:.3} s lies {by_s:.3} s {side} of the log ({first_s:.3} to {last_s:.3} s)")]
     OutsideLog {
         /// Instant asked for.
         time_s: f64,
@@ -70,9 +66,7 @@ pub enum TrackError {
         last_s: f64,
     },
     /// The log is silent around the instant for longer than allowed.
-    #[error(
-        "exposure at {time_s:.3} s falls into a gap of {gap_s:.3} s in the log (limit {limit_s:.3} s)"
-    )]
+    #[error("exposure at {time_s:.3} s falls into a gap of {gap_s:.3} s in the log (limit {limit_s:.3} s)")]
     Gap {
         /// Instant asked for.
         time_s: f64,
@@ -104,11 +98,7 @@ impl Track {
         }
         let times = records
             .iter()
-            .map(|r| {
-                r.time
-                    .map(Seconds::get)
-                    .ok_or(TrackError::NoTime { line: r.line })
-            })
+            .map(|r| r.time.map(Seconds::get).ok_or(TrackError::NoTime { line: r.line }))
             .collect::<Result<Vec<_>, _>>()?;
         for (i, pair) in times.windows(2).enumerate() {
             if pair[1] <= pair[0] {
@@ -132,24 +122,11 @@ impl Track {
         let t = time.get();
         let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
         if t < first || t > last {
-            let (by_s, side) = if t < first {
-                (first - t, "before the start")
-            } else {
-                (t - last, "after the end")
-            };
-            return Err(TrackError::OutsideLog {
-                time_s: t,
-                by_s,
-                side,
-                first_s: first,
-                last_s: last,
-            });
+            let (by_s, side) =
+                if t < first { (first - t, "before the start") } else { (t - last, "after the end") };
+            return Err(TrackError::OutsideLog { time_s: t, by_s, side, first_s: first, last_s: last });
         }
-        let after = self
-            .times
-            .partition_point(|x| *x < t)
-            .max(1)
-            .min(self.times.len() - 1);
+        let after = self.times.partition_point(|x| *x < t).max(1).min(self.times.len() - 1);
         if self.times.len() == 1 {
             return Ok(self.records[0].clone());
         }
@@ -162,20 +139,12 @@ impl Track {
             }
         }
         if gap > max_gap.get() {
-            return Err(TrackError::Gap {
-                time_s: t,
-                gap_s: gap,
-                limit_s: max_gap.get(),
-            });
+            return Err(TrackError::Gap { time_s: t, gap_s: gap, limit_s: max_gap.get() });
         }
         let k = (t - self.times[after - 1]) / gap;
-        let (pa, pb) = (
-            WGS84.ecef_from_geodetic(&a.antenna),
-            WGS84.ecef_from_geodetic(&b.antenna),
-        );
-        let antenna = WGS84.geodetic_from_ecef(&Point::from_vector(
-            pa.vector() * (1.0 - k) + pb.vector() * k,
-        ));
+        let (pa, pb) = (WGS84.ecef_from_geodetic(&a.antenna), WGS84.ecef_from_geodetic(&b.antenna));
+        let antenna =
+            WGS84.geodetic_from_ecef(&Point::from_vector(pa.vector() * (1.0 - k) + pb.vector() * k));
         let moved = LocalTangent::at(antenna).ecef_from_ned().rotation.inverse() * (pb - pa);
         let blend = |x: Option<f64>, y: Option<f64>| Some(x? * (1.0 - k) + y? * k);
         let velocity = match (a.velocity, b.velocity) {
@@ -190,38 +159,23 @@ impl Track {
             gimbal: match (a.gimbal, b.gimbal) {
                 (Some(x), Some(y)) => {
                     let g = between(x.as_yaw_pitch_roll(), y.as_yaw_pitch_roll(), k);
-                    Some(GimbalAngles {
-                        pan: g.yaw,
-                        elevation: g.pitch,
-                        roll: g.roll,
-                    })
+                    Some(GimbalAngles { pan: g.yaw, elevation: g.pitch, roll: g.roll })
                 }
                 _ => None,
             },
             height_above_ground_m: blend(a.height_above_ground_m, b.height_above_ground_m),
             ground_speed_m_s: blend(a.ground_speed_m_s, b.ground_speed_m_s),
             velocity: Some(velocity),
-            pixel_rotation: if k < 0.5 {
-                a.pixel_rotation
-            } else {
-                b.pixel_rotation
-            },
+            pixel_rotation: if k < 0.5 { a.pixel_rotation } else { b.pixel_rotation },
         })
     }
 }
 
 fn between(a: YawPitchRoll, b: YawPitchRoll, k: f64) -> YawPitchRoll {
-    let (qa, qb) = (
-        a.rotation::<Ned, Body>().quaternion(),
-        b.rotation::<Ned, Body>().quaternion(),
-    );
+    let (qa, qb) = (a.rotation::<Ned, Body>().quaternion(), b.rotation::<Ned, Body>().quaternion());
     // Half a turn apart there is no shortest way; the nearer record is the honest answer.
-    let q = qa
-        .try_slerp(&qb, k, 1e-12)
-        .unwrap_or(if k < 0.5 { qa } else { qb });
-    YawPitchRoll::of(&Rotation::<Ned, Body>::from_rotation(
-        q.to_rotation_matrix(),
-    ))
+    let q = qa.try_slerp(&qb, k, 1e-12).unwrap_or(if k < 0.5 { qa } else { qb });
+    YawPitchRoll::of(&Rotation::<Ned, Body>::from_rotation(q.to_rotation_matrix()))
 }
 
 #[cfg(test)]
@@ -244,32 +198,17 @@ mod tests {
 
     #[test]
     fn heading_turns_the_short_way_through_north() {
-        let track = Track::new(vec![
-            record(2, 0.0, 350.0, 41.0),
-            record(3, 1.0, 20.0, 41.0001),
-        ])
-        .unwrap();
+        let track = Track::new(vec![record(2, 0.0, 350.0, 41.0), record(3, 1.0, 20.0, 41.0001)]).unwrap();
         let mid = track.at(Seconds::new(0.5), Seconds::new(2.0)).unwrap();
-        assert!(
-            (mid.attitude.yaw.degrees() - 5.0).abs() < 1e-9,
-            "{}",
-            mid.attitude.yaw.degrees()
-        );
+        assert!((mid.attitude.yaw.degrees() - 5.0).abs() < 1e-9, "{}", mid.attitude.yaw.degrees());
         assert!((mid.antenna.latitude.degrees() - 41.00005).abs() < 1e-9);
         let v = mid.velocity.unwrap();
-        assert!(
-            (v.x() - 11.1).abs() < 0.1 && v.y().abs() < 1e-6,
-            "northwards at 11 m/s: {v:?}"
-        );
+        assert!((v.x() - 11.1).abs() < 0.1 && v.y().abs() < 1e-6, "northwards at 11 m/s: {v:?}");
     }
 
     #[test]
     fn knots_come_back_exactly() {
-        let track = Track::new(vec![
-            record(2, 0.0, 350.0, 41.0),
-            record(3, 1.0, 20.0, 41.1),
-        ])
-        .unwrap();
+        let track = Track::new(vec![record(2, 0.0, 350.0, 41.0), record(3, 1.0, 20.0, 41.1)]).unwrap();
         for (t, yaw) in [(0.0, -10.0), (1.0, 20.0)] {
             let r = track.at(Seconds::new(t), Seconds::new(2.0)).unwrap();
             assert!((r.attitude.yaw.degrees() - yaw).abs() < 1e-9);
@@ -283,24 +222,14 @@ mod tests {
             track.at(Seconds::new(-0.1), Seconds::new(9.0)),
             Err(TrackError::OutsideLog { .. })
         ));
-        assert!(matches!(
-            track.at(Seconds::new(5.1), Seconds::new(9.0)),
-            Err(TrackError::OutsideLog { .. })
-        ));
-        assert!(matches!(
-            track.at(Seconds::new(2.0), Seconds::new(1.0)),
-            Err(TrackError::Gap { .. })
-        ));
-        assert!(
-            track.at(Seconds::new(5.0), Seconds::new(1.0)).is_ok(),
-            "a record at the instant itself"
-        );
+        assert!(matches!(track.at(Seconds::new(5.1), Seconds::new(9.0)), Err(TrackError::OutsideLog { .. })));
+        assert!(matches!(track.at(Seconds::new(2.0), Seconds::new(1.0)), Err(TrackError::Gap { .. })));
+        assert!(track.at(Seconds::new(5.0), Seconds::new(1.0)).is_ok(), "a record at the instant itself");
     }
 
     #[test]
     fn disorder_is_named_by_line() {
-        let error =
-            Track::new(vec![record(2, 1.0, 0.0, 41.0), record(3, 1.0, 0.0, 41.1)]).unwrap_err();
+        let error = Track::new(vec![record(2, 1.0, 0.0, 41.0), record(3, 1.0, 0.0, 41.1)]).unwrap_err();
         assert!(error.to_string().starts_with("line 3"), "{error}");
         assert_eq!(Track::new(vec![]).unwrap_err(), TrackError::Empty);
     }

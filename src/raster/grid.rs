@@ -18,10 +18,7 @@ impl GridTransform {
     #[must_use]
     pub fn north_up(corner: MapPoint, cell: f64) -> Self {
         Self {
-            origin: MapPoint {
-                easting: corner.easting + 0.5 * cell,
-                northing: corner.northing - 0.5 * cell,
-            },
+            origin: MapPoint { easting: corner.easting + 0.5 * cell, northing: corner.northing - 0.5 * cell },
             per_column: (cell, 0.0),
             per_row: (0.0, -cell),
         }
@@ -32,10 +29,7 @@ impl GridTransform {
     pub fn from_gdal(t: [f64; 6]) -> Option<Self> {
         let determinant = t[1] * t[5] - t[2] * t[4];
         (determinant != 0.0 && t.iter().all(|v| v.is_finite())).then(|| Self {
-            origin: MapPoint {
-                easting: t[0] + 0.5 * (t[1] + t[2]),
-                northing: t[3] + 0.5 * (t[4] + t[5]),
-            },
+            origin: MapPoint { easting: t[0] + 0.5 * (t[1] + t[2]), northing: t[3] + 0.5 * (t[4] + t[5]) },
             per_column: (t[1], t[4]),
             per_row: (t[2], t[5]),
         })
@@ -64,10 +58,7 @@ impl GridTransform {
     /// Pixel of a map position.
     #[must_use]
     pub fn pixel_from_map(&self, at: MapPoint) -> (f64, f64) {
-        let (e, n) = (
-            at.easting - self.origin.easting,
-            at.northing - self.origin.northing,
-        );
+        let (e, n) = (at.easting - self.origin.easting, at.northing - self.origin.northing);
         let determinant = self.per_column.0 * self.per_row.1 - self.per_row.0 * self.per_column.1;
         (
             (e * self.per_row.1 - n * self.per_row.0) / determinant,
@@ -84,29 +75,13 @@ mod tests {
     fn the_corner_of_gdal_is_half_a_cell_from_our_centre() {
         let t = [500_000.0, 0.2, 0.0, 4_000_000.0, 0.0, -0.2];
         let grid = GridTransform::from_gdal(t).unwrap();
-        assert_eq!(
-            grid,
-            GridTransform::north_up(
-                MapPoint {
-                    easting: t[0],
-                    northing: t[3]
-                },
-                0.2
-            )
-        );
+        assert_eq!(grid, GridTransform::north_up(MapPoint { easting: t[0], northing: t[3] }, 0.2));
         let centre = grid.map_from_pixel(0.0, 0.0);
-        assert!(
-            (centre.easting - 500_000.1).abs() < 1e-9
-                && (centre.northing - 3_999_999.9).abs() < 1e-9
-        );
+        assert!((centre.easting - 500_000.1).abs() < 1e-9 && (centre.northing - 3_999_999.9).abs() < 1e-9);
         for (back, given) in grid.to_gdal().into_iter().zip(t) {
             assert!((back - given).abs() < 1e-9);
         }
-        let turned = GridTransform {
-            per_column: (0.1, 0.05),
-            per_row: (0.05, -0.1),
-            ..grid
-        };
+        let turned = GridTransform { per_column: (0.1, 0.05), per_row: (0.05, -0.1), ..grid };
         let (c, r) = turned.pixel_from_map(turned.map_from_pixel(12.5, 7.25));
         assert!((c - 12.5).abs() < 1e-6 && (r - 7.25).abs() < 1e-6);
         assert!(GridTransform::from_gdal([0.0; 6]).is_none());

@@ -17,10 +17,7 @@ pub struct Dem {
 
 impl std::fmt::Debug for Dem {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Dem")
-            .field("grid", &self.grid)
-            .field("range", &self.range)
-            .finish_non_exhaustive()
+        f.debug_struct("Dem").field("grid", &self.grid).field("range", &self.range).finish_non_exhaustive()
     }
 }
 
@@ -41,13 +38,7 @@ impl Dem {
             low = low.min(f64::from(*h));
             high = high.max(f64::from(*h));
         }
-        (low <= high).then_some(Self {
-            heights,
-            grid,
-            projection,
-            range: (low, high),
-            spacing_m,
-        })
+        (low <= high).then_some(Self { heights, grid, projection, range: (low, high), spacing_m })
     }
 
     /// Height at a map position: bilinear between the four posts around it; within half a cell of the
@@ -60,10 +51,7 @@ impl Dem {
         }
         let (column, row) = (column.clamp(0.0, w - 1.0), row.clamp(0.0, h - 1.0));
         let (c0, r0) = (column.floor() as usize, row.floor() as usize);
-        let (c1, r1) = (
-            (c0 + 1).min(self.heights.width() - 1),
-            (r0 + 1).min(self.heights.height() - 1),
-        );
+        let (c1, r1) = ((c0 + 1).min(self.heights.width() - 1), (r0 + 1).min(self.heights.height() - 1));
         let (fc, fr) = (column - c0 as f64, row - r0 as f64);
         let post = |c, r| f64::from(self.heights.at(c, r));
         let mut height = 0.0;
@@ -78,11 +66,7 @@ impl Dem {
                 height += weight * post(c, r);
             }
         }
-        if height.is_finite() {
-            Ok(height)
-        } else {
-            Err(NoGround::NoData)
-        }
+        if height.is_finite() { Ok(height) } else { Err(NoGround::NoData) }
     }
 }
 
@@ -91,10 +75,9 @@ impl Terrain for Dem {
         match self.projection.map_from_geodetic(positions) {
             Ok(map) => map.into_iter().map(|p| self.height_at(p)).collect(),
             // One position without an image must not take its neighbours with it.
-            Err(_) if positions.len() > 1 => positions
-                .iter()
-                .flat_map(|p| self.heights(std::slice::from_ref(p)))
-                .collect(),
+            Err(_) if positions.len() > 1 => {
+                positions.iter().flat_map(|p| self.heights(std::slice::from_ref(p))).collect()
+            }
             Err(_) => vec![Err(NoGround::Outside)],
         }
     }
@@ -116,11 +99,7 @@ pub struct Filled<T> {
 
 impl<T: Terrain> Terrain for Filled<T> {
     fn heights(&self, positions: &[Geodetic]) -> Vec<Result<f64, NoGround>> {
-        self.model
-            .heights(positions)
-            .into_iter()
-            .map(|h| Ok(h.unwrap_or(self.fallback_m)))
-            .collect()
+        self.model.heights(positions).into_iter().map(|h| Ok(h.unwrap_or(self.fallback_m))).collect()
     }
     fn height_range(&self) -> (f64, f64) {
         let (low, high) = self.model.height_range();

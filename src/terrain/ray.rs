@@ -17,10 +17,7 @@ impl Ray {
     /// From an origin and a direction of any length.
     #[must_use]
     pub fn new(origin: Point<Ecef>, direction: Displacement<Ecef>) -> Self {
-        Self {
-            origin,
-            direction: direction * (1.0 / direction.vector().norm()),
-        }
+        Self { origin, direction: direction * (1.0 / direction.vector().norm()) }
     }
     /// The point `range` metres along the ray.
     #[must_use]
@@ -67,22 +64,14 @@ pub enum GroundMiss {
 ///
 /// # Errors
 /// [`GroundMiss`], never a substitute point.
-pub fn ground_from_ray(
-    ray: &Ray,
-    terrain: &dyn Terrain,
-    max_range: f64,
-) -> Result<Geodetic, GroundMiss> {
+pub fn ground_from_ray(ray: &Ray, terrain: &dyn Terrain, max_range: f64) -> Result<Geodetic, GroundMiss> {
     let (lowest, highest) = terrain.height_range();
     let Some(spacing) = terrain.spacing() else {
         let range = range_to_height(ray, highest, max_range)?;
         return Ok(WGS84.geodetic_from_ecef(&ray.at(range)).at_height(highest));
     };
     let camera_height = WGS84.geodetic_from_ecef(&ray.origin).height.get();
-    let start = if camera_height > highest {
-        range_to_height(ray, highest, max_range)?
-    } else {
-        0.0
-    };
+    let start = if camera_height > highest { range_to_height(ray, highest, max_range)? } else { 0.0 };
     let end = match range_to_height(ray, lowest, max_range) {
         Ok(range) => range,
         // The ray may leave the model's height band beyond the limit and still meet a hill before it.
@@ -95,8 +84,7 @@ pub fn ground_from_ray(
         (1.0 - vertical * vertical).max(0.0).sqrt()
     };
     const MAX_SAMPLES: f64 = 100_000.0;
-    let samples =
-        (((end - start) * slant_to_level / (0.5 * spacing)).ceil() + 1.0).clamp(2.0, MAX_SAMPLES);
+    let samples = (((end - start) * slant_to_level / (0.5 * spacing)).ceil() + 1.0).clamp(2.0, MAX_SAMPLES);
     let step = (end - start) / (samples - 1.0);
     const BATCH: usize = 64;
     let mut previous: Option<f64> = None;
@@ -108,15 +96,8 @@ pub fn ground_from_ray(
             .take_while(|i| *i < samples)
             .map(|i| start + i * step)
             .collect();
-        let positions: Vec<Geodetic> = ranges
-            .iter()
-            .map(|r| WGS84.geodetic_from_ecef(&ray.at(*r)))
-            .collect();
-        for ((range, position), height) in ranges
-            .iter()
-            .zip(&positions)
-            .zip(terrain.heights(&positions))
-        {
+        let positions: Vec<Geodetic> = ranges.iter().map(|r| WGS84.geodetic_from_ecef(&ray.at(*r))).collect();
+        for ((range, position), height) in ranges.iter().zip(&positions).zip(terrain.heights(&positions)) {
             match height {
                 Err(cause) => {
                     gap = Some((cause, *position));
@@ -143,19 +124,13 @@ pub fn ground_from_ray(
     }
     match gap {
         Some((cause, at)) => Err(no_ground(cause, &at)),
-        None if end >= max_range => Err(GroundMiss::BeyondRange {
-            max_range_m: max_range,
-        }),
+        None if end >= max_range => Err(GroundMiss::BeyondRange { max_range_m: max_range }),
         None => Err(GroundMiss::AboveHorizon),
     }
 }
 
 fn no_ground(cause: NoGround, at: &Geodetic) -> GroundMiss {
-    GroundMiss::NoGround {
-        cause,
-        latitude_deg: at.latitude.degrees(),
-        longitude_deg: at.longitude.degrees(),
-    }
+    GroundMiss::NoGround { cause, latitude_deg: at.latitude.degrees(), longitude_deg: at.longitude.degrees() }
 }
 
 /// Range at which the ray, coming from above, first has this ellipsoidal height.
@@ -175,9 +150,7 @@ fn range_to_height(ray: &Ray, height: f64, max_range: f64) -> Result<f64, Ground
         }
         range += above / descent;
         if range > max_range {
-            return Err(GroundMiss::BeyondRange {
-                max_range_m: max_range,
-            });
+            return Err(GroundMiss::BeyondRange { max_range_m: max_range });
         }
         if above.abs() < 1e-10 {
             break;
@@ -191,12 +164,7 @@ fn range_to_height(ray: &Ray, height: f64, max_range: f64) -> Result<f64, Ground
     Ok(range)
 }
 
-fn refine(
-    ray: &Ray,
-    terrain: &dyn Terrain,
-    mut above: f64,
-    mut below: f64,
-) -> Result<Geodetic, GroundMiss> {
+fn refine(ray: &Ray, terrain: &dyn Terrain, mut above: f64, mut below: f64) -> Result<Geodetic, GroundMiss> {
     const RESOLUTION_M: f64 = 1e-5;
     while below - above > RESOLUTION_M {
         let mid = 0.5 * (above + below);
@@ -275,34 +243,16 @@ mod tests {
     #[test]
     fn misses_say_why() {
         let flat = ConstantHeight { height_m: 100.0 };
-        assert_eq!(
-            ground_from_ray(&ray((0.0, 1.0)), &flat, 1e4),
-            Err(GroundMiss::AboveHorizon)
-        );
-        assert_eq!(
-            ground_from_ray(&ray((-0.2, 1.0)), &flat, 1e4),
-            Err(GroundMiss::AboveHorizon)
-        );
+        assert_eq!(ground_from_ray(&ray((0.0, 1.0)), &flat, 1e4), Err(GroundMiss::AboveHorizon));
+        assert_eq!(ground_from_ray(&ray((-0.2, 1.0)), &flat, 1e4), Err(GroundMiss::AboveHorizon));
         assert!(matches!(
             ground_from_ray(&ray((0.05, 1.0)), &flat, 1e3),
             Err(GroundMiss::BeyondRange { .. })
         ));
         let deep = ConstantHeight { height_m: 300.0 };
-        assert!(matches!(
-            ground_from_ray(&ray((1.0, 0.0)), &deep, 1e4),
-            Err(GroundMiss::BelowGround { .. })
-        ));
+        assert!(matches!(ground_from_ray(&ray((1.0, 0.0)), &deep, 1e4), Err(GroundMiss::BelowGround { .. })));
         let west = ground_from_ray(&ray((1.0, -10.0)), &Ridge(site()), 1e4);
-        assert!(
-            matches!(
-                west,
-                Err(GroundMiss::NoGround {
-                    cause: NoGround::Outside,
-                    ..
-                })
-            ),
-            "{west:?}"
-        );
+        assert!(matches!(west, Err(GroundMiss::NoGround { cause: NoGround::Outside, .. })), "{west:?}");
         let hidden = ground_from_ray(&ray((0.78, 1.55)), &Ridge(site()), 1e4);
         assert!(hidden.is_ok(), "the ridge hides the hole: {hidden:?}");
         assert!(Radians::new(0.0).is_finite());
