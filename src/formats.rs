@@ -3,5 +3,7 @@
 //! Whatever a file says in its own units, senses, datums, CRS and pixel origin leaves here in ours
 //! (`CONVENTIONS.md`).
 
+pub mod atomic;
 pub mod crs;
+pub mod files;
 pub mod geoid;

@@ -1,0 +1,533 @@
+//! `[georeference]`: the frames, their log, how the camera is mounted, and the ground it looks at.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::{ConfigError, Resolver};
+use super::log::{self, FramesSpec, Height, HeightReference, Log, LogSpec, NumberColumn, VerticalDatum};
+use super::quantity::{Angle, Length};
+use super::source::Located;
+
+/// `[georeference]` as written.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GeoreferenceSpec {
+    /// Folder of the frames (JPEG, PNG or TIFF).
+    pub images: Located<PathBuf>,
+    /// CRS of the products: "auto" (the survey's UTM zone on WGS 84), "EPSG:32617", WKT or a PROJ string. Default "auto".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crs: Option<Located<String>>,
+    /// Extra products beside the frames' table and footprints.
+    #[serde(default)]
+    pub products: Vec<GeoreferenceProduct>,
+    /// Ground farther from the camera than this is cut off (frames that see the horizon). Default: 20 times the height above ground.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub footprint_max_range: Option<Located<Length>>,
+    /// The log of the attitude-and-position unit.
+    pub log: Located<LogSpec>,
+    /// When each frame was taken; only with `log.join = "time"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<Located<FramesSpec>>,
+    /// How the camera is mounted.
+    pub mount: Located<MountSpec>,
+    /// The ground the frames show.
+    pub ground: Located<GroundSpec>,
+    /// A constant geoid undulation, where no geoid grid is installed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub geoid: Option<GeoidSpec>,
+    /// Limits beyond which a frame is rejected.
+    #[serde(default)]
+    pub limits: LimitsSpec,
+}
+
+/// An extra product of the stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GeoreferenceProduct {
+    /// One orthorectified GeoTIFF per frame.
+    Orthos,
+}
+
+/// `[georeference.mount]`: from the antenna to the camera.
+///
+/// Body axes: x to the nose, y to the right wing, z down. Gimbal axes: x along the optical axis, y to the right of the
+/// image, z to its bottom. Pan is positive clockwise seen from above, elevation positive up from the nose's plane, roll
+/// positive clockwise seen along the optical axis; body_from_gimbal = Rz(pan)·Ry(elevation)·Rx(roll). With pan 0 and
+/// elevation -90° the top of the image points to the nose.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MountSpec {
+    /// Position of the antenna (the log's position) in the body. Default zero.
+    #[serde(default)]
+    pub antenna_in_body: LeverArmSpec,
+    /// Position of the gimbal's centre in the body. Default zero.
+    #[serde(default)]
+    pub gimbal_in_body: LeverArmSpec,
+    /// Position of the camera's projection centre in the gimbal's axes (forward = optical axis). Default zero.
+    #[serde(default)]
+    pub camera_in_gimbal: LeverArmSpec,
+    /// What the gimbal angles are measured against. Required when a gimbal angle comes from the log. Default "body".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gimbal_reference: Option<Located<GimbalReference>>,
+    /// Fixed pan, positive clockwise seen from above. Default "0 deg".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gimbal_pan: Option<Located<Angle>>,
+    /// Fixed elevation, positive up: "-90 deg" looks straight down.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gimbal_elevation: Option<Located<Angle>>,
+    /// The same angle, positive down: "90 deg" looks straight down.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gimbal_tilt_down: Option<Located<Angle>>,
+    /// Fixed roll, positive clockwise seen along the optical axis. Default "0 deg".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gimbal_roll: Option<Located<Angle>>,
+    /// Small constant rotation of the mount against the body: Rz(yaw)·Ry(pitch)·Rx(roll) before the gimbal's. Default zero.
+    #[serde(default)]
+    pub boresight: BoresightSpec,
+    /// Clockwise turn of the stored pixels of every frame against the sensor. Default "none".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixel_rotation: Option<Located<PixelRotation>>,
+}
+
+/// A lever arm by its components.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LeverArmSpec {
+    /// Along x. Default "0 m".
+    pub forward: Length,
+    /// Along y. Default "0 m".
+    pub right: Length,
+    /// Along z. Default "0 m".
+    pub down: Length,
+}
+
+impl Default for LeverArmSpec {
+    fn default() -> Self {
+        Self { forward: Length::new(0.0), right: Length::new(0.0), down: Length::new(0.0) }
+    }
+}
+
+/// Boresight angles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BoresightSpec {
+    /// About z, positive clockwise seen from above. Default "0 deg".
+    pub yaw: Angle,
+    /// About y, positive nose up. Default "0 deg".
+    pub pitch: Angle,
+    /// About x, positive right wing down. Default "0 deg".
+    pub roll: Angle,
+}
+
+impl Default for BoresightSpec {
+    fn default() -> Self {
+        Self { yaw: Angle::new(0.0), pitch: Angle::new(0.0), roll: Angle::new(0.0) }
+    }
+}
+
+/// What gimbal angles are measured against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GimbalReference {
+    /// The airframe.
+    Body,
+    /// True north and the horizon (a stabilised gimbal that reports absolute angles).
+    Nav,
+}
+
+/// Clockwise turn of the stored pixels against the sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum PixelRotation {
+    /// Stored as taken.
+    #[serde(rename = "none")]
+    None,
+    /// A quarter turn clockwise.
+    #[serde(rename = "90")]
+    Quarter,
+    /// Half a turn.
+    #[serde(rename = "180")]
+    Half,
+    /// A quarter turn counterclockwise.
+    #[serde(rename = "270")]
+    ThreeQuarters,
+}
+
+/// `[georeference.ground]` as written.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GroundSpec {
+    /// What the ground is: a level surface, a level surface under each camera, or a raster of heights.
+    pub kind: Located<GroundKind>,
+    /// With "plane": its height.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height: Option<Located<Length>>,
+    /// With "plane" and "dem": what the heights are measured from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub datum: Option<Located<VerticalDatum>>,
+    /// With "below_camera": height of every camera above the ground, unless the log has a column for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_above_ground: Option<Located<Length>>,
+    /// With "dem": the raster, in any format GDAL reads.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<Located<PathBuf>>,
+    /// With "dem": height of a level surface where the raster has no data or ends. Without it such places have no ground.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fallback_height: Option<Located<Length>>,
+}
+
+/// Kind of ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GroundKind {
+    /// A surface of constant height above its datum.
+    Plane,
+    /// A level surface at a stated height below each camera.
+    BelowCamera,
+    /// A raster of heights.
+    Dem,
+}
+
+/// `[georeference.geoid]`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GeoidSpec {
+    /// Height of the EGM96 geoid above the ellipsoid in the survey's area, for example "-35.82 m".
+    pub undulation: Located<Length>,
+}
+
+/// `[georeference.limits]`.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LimitsSpec {
+    /// Frames whose optical axis is farther from straight down than this are rejected. Default: no limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_off_nadir: Option<Located<Angle>>,
+}
+
+/// `[georeference]`, resolved.
+#[derive(Debug, Clone)]
+pub struct Georeference {
+    /// The table's place.
+    pub table: Located<()>,
+    /// Folder of the frames.
+    pub images: Located<PathBuf>,
+    /// CRS of the products.
+    pub crs: Located<Crs>,
+    /// Whether every frame gets an orthorectified GeoTIFF.
+    pub orthos: bool,
+    /// Longest range of ground from the camera, metres; `None`: 20 times the height above ground.
+    pub footprint_max_range_m: Option<f64>,
+    /// The log.
+    pub log: Log,
+    /// How the camera is mounted.
+    pub mount: Mount,
+    /// The ground.
+    pub ground: Ground,
+    /// Constant height of the EGM96 geoid above the ellipsoid, metres, instead of a grid.
+    pub geoid_undulation_m: Option<f64>,
+    /// Largest angle of the optical axis from straight down, radians.
+    pub max_off_nadir_rad: Option<f64>,
+}
+
+/// CRS of the products.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Crs {
+    /// The UTM zone of the survey, WGS 84.
+    Auto,
+    /// What the user wrote: EPSG code, WKT or PROJ string.
+    Given(String),
+}
+
+/// From the antenna to the camera.
+#[derive(Debug, Clone)]
+pub struct Mount {
+    /// The table's place.
+    pub table: Located<()>,
+    /// Antenna in body axes.
+    pub antenna_in_body: LeverArm,
+    /// Gimbal's centre in body axes.
+    pub gimbal_in_body: LeverArm,
+    /// Camera's projection centre in gimbal axes.
+    pub camera_in_gimbal: LeverArm,
+    /// What the gimbal angles are measured against.
+    pub gimbal_reference: GimbalReference,
+    /// Pan, positive clockwise seen from above.
+    pub pan: GimbalAngle,
+    /// Elevation, positive up.
+    pub elevation: GimbalAngle,
+    /// Roll, positive clockwise seen along the optical axis.
+    pub roll: GimbalAngle,
+    /// Boresight angles.
+    pub boresight: Boresight,
+    /// Clockwise turn of the stored pixels of every frame (per-frame turns of the log add to it).
+    pub pixel_rotation: PixelRotation,
+}
+
+/// A lever arm, metres along the axes of the frame its name ends with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeverArm {
+    /// Along x.
+    pub forward_m: f64,
+    /// Along y.
+    pub right_m: f64,
+    /// Along z.
+    pub down_m: f64,
+}
+
+impl LeverArm {
+    fn is_zero(self) -> bool {
+        [self.forward_m, self.right_m, self.down_m] == [0.0; 3]
+    }
+}
+
+impl From<LeverArmSpec> for LeverArm {
+    fn from(spec: LeverArmSpec) -> Self {
+        Self { forward_m: spec.forward.metres(), right_m: spec.right.metres(), down_m: spec.down.metres() }
+    }
+}
+
+/// One angle of the gimbal.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GimbalAngle {
+    /// The same for every frame, radians.
+    Fixed(f64),
+    /// From the log, radians after its factor.
+    Column(NumberColumn),
+}
+
+/// Boresight angles, radians.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Boresight {
+    /// About z.
+    pub yaw_rad: f64,
+    /// About y.
+    pub pitch_rad: f64,
+    /// About x.
+    pub roll_rad: f64,
+}
+
+/// The ground the frames show.
+#[derive(Debug, Clone)]
+pub enum Ground {
+    /// A surface of constant height above its datum.
+    Plane(Height),
+    /// A level surface below each camera.
+    BelowCamera(HeightAboveGround),
+    /// A raster of heights.
+    Dem {
+        /// The raster.
+        file: Located<PathBuf>,
+        /// What its heights (and the fallback) are measured from.
+        datum: VerticalDatum,
+        /// Height where the raster has none, metres; `None`: no ground there.
+        fallback_m: Option<f64>,
+    },
+}
+
+/// Height of the camera above the ground below it.
+#[derive(Debug, Clone)]
+pub enum HeightAboveGround {
+    /// The same for every frame, metres.
+    Fixed(f64),
+    /// From the log, metres after its factor.
+    Column(NumberColumn),
+}
+
+pub(super) fn resolve(
+    spec: &mut Located<GeoreferenceSpec>,
+    resolver: &Resolver,
+) -> Result<Georeference, ConfigError> {
+    let table = Located { value: (), span: spec.span.clone() };
+    let spec = &mut spec.value;
+    let crs = spec.crs.get_or_insert_with(|| Located::unplaced("auto".to_owned()));
+    if crs.trim().is_empty() {
+        return Err(resolver
+            .error(crs, "`crs` is empty")
+            .help("write \"auto\", \"EPSG:32617\", WKT or a PROJ string"));
+    }
+    let crs = crs.clone().map(|text| if text == "auto" { Crs::Auto } else { Crs::Given(text) });
+    let log = log::resolve(&mut spec.log.value, &mut spec.frames, resolver)?;
+    let mount = mount(&mut spec.mount, &spec.log, &log, resolver)?;
+    let ground = ground(&spec.ground, &spec.log, &log, resolver)?;
+    let footprint_max_range_m = match &spec.footprint_max_range {
+        Some(range) if range.metres() <= 0.0 => {
+            return Err(resolver
+                .error(range, format!("`footprint_max_range` is {}; it must be above 0", range.value)));
+        }
+        range => range.as_ref().map(|range| range.metres()),
+    };
+    let max_off_nadir_rad = match &spec.limits.max_off_nadir {
+        Some(angle) if !(0.0..=std::f64::consts::PI).contains(&angle.radians()) => {
+            return Err(resolver
+                .error(angle, format!("`max_off_nadir` is {}; it lies between 0 and 180 deg", angle.value)));
+        }
+        angle => angle.as_ref().map(|angle| angle.radians()),
+    };
+    Ok(Georeference {
+        table,
+        images: resolver.path(&spec.images)?,
+        crs,
+        orthos: spec.products.contains(&GeoreferenceProduct::Orthos),
+        footprint_max_range_m,
+        log,
+        mount,
+        ground,
+        geoid_undulation_m: spec.geoid.as_ref().map(|geoid| geoid.undulation.metres()),
+        max_off_nadir_rad,
+    })
+}
+
+fn mount(
+    spec: &mut Located<MountSpec>,
+    log_spec: &LogSpec,
+    log: &Log,
+    resolver: &Resolver,
+) -> Result<Mount, ConfigError> {
+    let table = Located { value: (), span: spec.span.clone() };
+    let any_column = log.gimbal_pan.is_some() || log.gimbal_elevation.is_some() || log.gimbal_roll.is_some();
+    if any_column && spec.gimbal_reference.is_none() {
+        return Err(resolver
+            .error(spec, "gimbal angles of the log need to say what they are measured against")
+            .help("add `gimbal_reference = \"body\"` (angles against the airframe) or \"nav\" (against north and the horizon)"));
+    }
+    let fixed_or_column =
+        |fixed: Option<&Located<Angle>>, column: &Option<NumberColumn>, key: &str| match (fixed, column) {
+            (Some(fixed), Some(_)) => Err(resolver
+                .error(fixed, format!("`{key}` is given here and as a column of the log"))
+                .help("keep one of the two")),
+            (_, Some(column)) => Ok(GimbalAngle::Column(column.clone())),
+            (fixed, None) => Ok(GimbalAngle::Fixed(log::radians(fixed))),
+        };
+    let elevation = match (&spec.gimbal_elevation, &spec.gimbal_tilt_down, &log.gimbal_elevation) {
+        (Some(_), Some(tilt), _) => {
+            return Err(resolver
+                .error(tilt, "`gimbal_tilt_down` and `gimbal_elevation` state the same angle")
+                .help("keep one of the two: elevation is positive up, tilt_down positive down"));
+        }
+        (None, None, None) => {
+            return Err(resolver
+                .error(spec, "the mount does not say where the camera looks")
+                .help("add `gimbal_elevation = \"-90 deg\"` (straight down), `gimbal_tilt_down`, or a column gimbal_elevation of the log"));
+        }
+        (None, Some(tilt), None) => GimbalAngle::Fixed(-tilt.radians()),
+        (None, Some(tilt), column) => fixed_or_column(Some(tilt), column, "gimbal_tilt_down")?,
+        (elevation, None, column) => fixed_or_column(elevation.as_ref(), column, "gimbal_elevation")?,
+    };
+    let pan = fixed_or_column(spec.gimbal_pan.as_ref(), &log.gimbal_pan, "gimbal_pan")?;
+    let roll = fixed_or_column(spec.gimbal_roll.as_ref(), &log.gimbal_roll, "gimbal_roll")?;
+    let resolved = Mount {
+        table,
+        antenna_in_body: spec.antenna_in_body.into(),
+        gimbal_in_body: spec.gimbal_in_body.into(),
+        camera_in_gimbal: spec.camera_in_gimbal.into(),
+        gimbal_reference: spec
+            .gimbal_reference
+            .as_ref()
+            .map_or(GimbalReference::Body, |reference| reference.value),
+        pan,
+        elevation,
+        roll,
+        boresight: Boresight {
+            yaw_rad: spec.boresight.yaw.radians(),
+            pitch_rad: spec.boresight.pitch.radians(),
+            roll_rad: spec.boresight.roll.radians(),
+        },
+        pixel_rotation: spec.pixel_rotation.as_ref().map_or(PixelRotation::None, |rotation| rotation.value),
+    };
+    if log.attitude.is_none() {
+        let stabilised = resolved.gimbal_reference == GimbalReference::Nav;
+        let lever_arm = !resolved.antenna_in_body.is_zero() || !resolved.gimbal_in_body.is_zero();
+        if !stabilised || lever_arm {
+            let why = if stabilised {
+                "a lever arm in the body needs it"
+            } else {
+                "the camera turns with the body"
+            };
+            return Err(resolver
+                .error(
+                    &log_spec.columns,
+                    format!("the log's columns hold no attitude (yaw, pitch, roll): {why}"),
+                )
+                .help("declare the columns yaw, pitch and roll with unit and sense"));
+        }
+    }
+    let filled = &mut spec.value;
+    filled.gimbal_reference.get_or_insert_with(|| Located::unplaced(GimbalReference::Body));
+    filled.pixel_rotation.get_or_insert_with(|| Located::unplaced(PixelRotation::None));
+    Ok(resolved)
+}
+
+fn ground(
+    spec: &Located<GroundSpec>,
+    log_spec: &LogSpec,
+    log: &Log,
+    resolver: &Resolver,
+) -> Result<Ground, ConfigError> {
+    let missing = |key: &str, example: &str| {
+        let kind = format!("{:?}", toml_name(spec.kind.value));
+        resolver
+            .error(&spec.kind, format!("ground of kind {kind} needs `{key}`"))
+            .help(format!("add `{key} = \"{example}\"` to [georeference.ground]"))
+    };
+    let kind_is = format!("the ground's kind is \"{}\"", toml_name(spec.kind.value));
+    let wanted = |key: &str| match spec.kind.value {
+        GroundKind::Plane => matches!(key, "height" | "datum"),
+        GroundKind::BelowCamera => key == "height_above_ground",
+        GroundKind::Dem => matches!(key, "file" | "datum" | "fallback_height"),
+    };
+    if !wanted("height") {
+        resolver.unused(&spec.height, "height", &kind_is)?;
+    }
+    if !wanted("datum") {
+        resolver.unused(&spec.datum, "datum", &kind_is)?;
+    }
+    if !wanted("height_above_ground") {
+        resolver.unused(&spec.height_above_ground, "height_above_ground", &kind_is)?;
+        resolver.unused(&log_spec.columns.height_above_ground, "height_above_ground", &kind_is)?;
+    }
+    if !wanted("file") {
+        resolver.unused(&spec.file, "file", &kind_is)?;
+        resolver.unused(&spec.fallback_height, "fallback_height", &kind_is)?;
+    }
+    let above_ground =
+        log.position.height().is_some_and(|height| height.datum == HeightReference::AboveGround);
+    match spec.kind.value {
+        GroundKind::Plane => {
+            let height = spec.height.as_ref().ok_or_else(|| missing("height", "254.4 m"))?;
+            let datum = spec.datum.as_ref().ok_or_else(|| missing("datum", "egm96"))?;
+            Ok(Ground::Plane(Height { metres: height.metres(), datum: datum.value }))
+        }
+        GroundKind::Dem => {
+            let file = spec.file.as_ref().ok_or_else(|| missing("file", "dem.tif"))?;
+            let datum = spec.datum.as_ref().ok_or_else(|| missing("datum", "egm96"))?;
+            let fallback_m = spec.fallback_height.as_ref().map(|height| height.metres());
+            Ok(Ground::Dem { file: resolver.path(file)?, datum: datum.value, fallback_m })
+        }
+        GroundKind::BelowCamera if above_ground => Err(resolver
+            .error(&spec.kind, "the log's height is above the ground and the ground is below the camera: neither has a height of its own")
+            .help("state the ground's height (kind = \"plane\" or \"dem\"), or declare a height column of another datum")),
+        GroundKind::BelowCamera => match (&spec.height_above_ground, &log.height_above_ground) {
+            (Some(height), None) if height.metres() > 0.0 => {
+                Ok(Ground::BelowCamera(HeightAboveGround::Fixed(height.metres())))
+            }
+            (Some(height), None) => {
+                Err(resolver.error(height, format!("`height_above_ground` is {}; it must be above 0", height.value)))
+            }
+            (None, Some(column)) => Ok(Ground::BelowCamera(HeightAboveGround::Column(column.clone()))),
+            (Some(height), Some(_)) => Err(resolver
+                .error(height, "`height_above_ground` is given here and as a column of the log")
+                .help("keep one of the two")),
+            (None, None) => Err(missing("height_above_ground", "120 m")),
+        },
+    }
+}
+
+fn toml_name(kind: GroundKind) -> &'static str {
+    match kind {
+        GroundKind::Plane => "plane",
+        GroundKind::BelowCamera => "below_camera",
+        GroundKind::Dem => "dem",
+    }
+}
