@@ -1,6 +1,7 @@
 //! Thin stage adapters: load, call, save.
 
 pub mod context;
+pub mod georeference;
 
 pub use context::{
     ErrorClass, FrameStatus, NoProgress, Progress, RunContext, Stage, StageError, StageRecord, TaskProgress,

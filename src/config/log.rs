@@ -675,6 +675,11 @@ impl YawColumn {
         }
     }
 
+    /// Whether the column is the direction of motion, declared to stand for that of the nose.
+    pub fn is_course(&self) -> bool {
+        self.sense == YawSense::CourseOverGround
+    }
+
     /// The north it is measured from.
     pub fn reference(&self) -> YawReference {
         match self.sense {

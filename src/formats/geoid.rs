@@ -2,6 +2,7 @@
 
 use super::crs::{exact_transform, spatial_ref};
 use crate::geodesy::Geodetic;
+use gdal::spatial_ref::CoordTransform;
 
 /// How orthometric heights become ellipsoidal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,17 +52,22 @@ impl Geoid {
     }
 }
 
+thread_local! {
+    /// Building a PROJ operation takes longer than a million evaluations of it.
+    static EGM96: std::cell::OnceCell<Result<CoordTransform, String>> = const { std::cell::OnceCell::new() };
+}
+
 fn egm96(positions: &[Geodetic]) -> Result<Vec<f64>, GeoidError> {
     const MODEL: &str = "EGM96";
-    let no_grid = |cause: String| GeoidError::NoGrid { model: MODEL, cause };
-    let ellipsoidal = spatial_ref("EPSG:4979").map_err(|e| no_grid(e.to_string()))?;
-    let above_sea = spatial_ref("EPSG:4326+5773").map_err(|e| no_grid(e.to_string()))?;
-    // From sea level to the ellipsoid, so that PROJ evaluates the grid at the position itself.
-    let transform = exact_transform(&above_sea, &ellipsoidal).map_err(|e| no_grid(e.to_string()))?;
     let mut x: Vec<f64> = positions.iter().map(|p| p.longitude.degrees()).collect();
     let mut y: Vec<f64> = positions.iter().map(|p| p.latitude.degrees()).collect();
     let mut z = vec![0.0; positions.len()];
-    let done = positions.is_empty() || transform.transform_coords(&mut x, &mut y, &mut z).is_ok();
+    let done = EGM96.with(|cell| match cell.get_or_init(ellipsoid_from_sea_level) {
+        Ok(transform) => {
+            Ok(positions.is_empty() || transform.transform_coords(&mut x, &mut y, &mut z).is_ok())
+        }
+        Err(cause) => Err(GeoidError::NoGrid { model: MODEL, cause: cause.clone() }),
+    })?;
     // No place on Earth has an undulation of exactly zero; PROJ returns it when it did nothing.
     match z.iter().position(|n| !done || !n.is_finite() || *n == 0.0) {
         None => Ok(z),
@@ -71,6 +77,12 @@ fn egm96(positions: &[Geodetic]) -> Result<Vec<f64>, GeoidError> {
             longitude_deg: positions[k].longitude.degrees(),
         }),
     }
+}
+
+fn ellipsoid_from_sea_level() -> Result<CoordTransform, String> {
+    let ellipsoidal = spatial_ref("EPSG:4979").map_err(|e| e.to_string())?;
+    let above_sea = spatial_ref("EPSG:4326+5773").map_err(|e| e.to_string())?;
+    exact_transform(&above_sea, &ellipsoidal).map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

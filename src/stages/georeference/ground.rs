@@ -1,0 +1,158 @@
+//! The ground as declared, made into terrain under each frame.
+
+use super::poses::ellipsoidal;
+use crate::config::georeference::{Ground, HeightAboveGround};
+use crate::config::log::{Height, VerticalDatum};
+use crate::formats::InputError;
+use crate::formats::crs::Projection;
+use crate::formats::elevation::read_elevation;
+use crate::formats::geoid::Geoid;
+use crate::geodesy::{Geodetic, MapPoint, MapProjection};
+use crate::navigation::NavigationRecord;
+use crate::raster::Raster;
+use crate::terrain::{ConstantHeight, Dem, Filled, Terrain};
+use std::sync::Arc;
+
+/// The ground of the whole survey.
+pub(super) enum SurveyGround {
+    /// One height above a datum; on the ellipsoid it follows the geoid from frame to frame.
+    Plane(Height),
+    /// At a stated height below each camera.
+    BelowCamera(HeightAboveGround),
+    /// An elevation model.
+    Model(Arc<dyn Terrain>),
+}
+
+impl SurveyGround {
+    /// Loads the model, if it is one.
+    pub(super) fn load(declared: &Ground, geoid: &Geoid) -> Result<Self, InputError> {
+        Ok(match declared {
+            Ground::Plane(height) => Self::Plane(*height),
+            Ground::BelowCamera(height) => Self::BelowCamera(height.clone()),
+            Ground::Dem { file, datum, fallback_m } => {
+                let model = load_dem(file, *datum, geoid).map_err(|e| e.caused_by(file))?;
+                Self::Model(match fallback_m {
+                    None => Arc::new(model),
+                    Some(metres) => {
+                        let undulation_m = match datum {
+                            VerticalDatum::Ellipsoid => 0.0,
+                            VerticalDatum::Egm96 => {
+                                let centre =
+                                    model.centre().map_err(|e| InputError::new(file, e.to_string()))?;
+                                geoid
+                                    .undulations(&[centre])
+                                    .map_err(|e| InputError::new(file, e.to_string()))?[0]
+                            }
+                        };
+                        let stated = Height { metres: *metres, datum: *datum };
+                        Arc::new(Filled { model, fallback_m: ellipsoidal(stated, undulation_m) })
+                    }
+                })
+            }
+        })
+    }
+
+    /// The terrain under one frame; `camera` is its projection centre.
+    pub(super) fn under(
+        &self,
+        record: &NavigationRecord,
+        camera: &Geodetic,
+        geoid: &Geoid,
+    ) -> Result<Arc<dyn Terrain>, String> {
+        Ok(match self {
+            Self::Model(terrain) => terrain.clone(),
+            Self::Plane(height) => {
+                let undulation_m = match height.datum {
+                    VerticalDatum::Ellipsoid => 0.0,
+                    VerticalDatum::Egm96 => geoid.undulations(&[*camera]).map_err(|e| e.to_string())?[0],
+                };
+                Arc::new(ConstantHeight { height_m: ellipsoidal(*height, undulation_m) })
+            }
+            Self::BelowCamera(declared) => {
+                let height_above_ground = match declared {
+                    HeightAboveGround::Fixed(metres) => *metres,
+                    HeightAboveGround::Column(_) => {
+                        record.height_above_ground_m.ok_or("the log states no height above ground for it")?
+                    }
+                };
+                if height_above_ground <= 0.0 {
+                    return Err(format!("its height above ground is {height_above_ground} m"));
+                }
+                Arc::new(ConstantHeight { height_m: camera.height.get() - height_above_ground })
+            }
+        })
+    }
+
+    /// Ellipsoidal ground heights at positions, for logs whose heights are above ground.
+    pub(super) fn heights(&self, at: &[Geodetic], geoid: &Geoid) -> Vec<Result<f64, String>> {
+        match self {
+            Self::Model(terrain) => super::poses::heights_under(terrain.as_ref(), at),
+            Self::Plane(height) => match height.datum {
+                VerticalDatum::Ellipsoid => vec![Ok(height.metres); at.len()],
+                VerticalDatum::Egm96 => match geoid.undulations(at) {
+                    Ok(n) => n.into_iter().map(|n| Ok(ellipsoidal(*height, n))).collect(),
+                    Err(e) => vec![Err(e.to_string()); at.len()],
+                },
+            },
+            // Refused when the pipeline file is read: neither height would be known.
+            Self::BelowCamera(_) => vec![Err("the ground's own height is not stated".to_owned()); at.len()],
+        }
+    }
+}
+
+/// Reads an elevation model and brings its heights to the ellipsoid.
+fn load_dem(file: &std::path::Path, datum: VerticalDatum, geoid: &Geoid) -> Result<Dem, InputError> {
+    let raster = read_elevation(file)?;
+    let failed = |e: String| InputError::new(file, e);
+    let projection = Projection::new(&raster.wkt).map_err(|e| failed(e.to_string()))?;
+    let heights = match datum {
+        VerticalDatum::Ellipsoid => raster.heights,
+        VerticalDatum::Egm96 => {
+            let (w, h) = (raster.heights.width(), raster.heights.height());
+            let mut samples = Vec::with_capacity(w * h);
+            for row in 0..h {
+                // The geoid bends over kilometres: its two ends stand for a row of posts, unless the row is long.
+                let ends = geoid_along_row(&raster.grid, row, w, &projection, geoid).map_err(failed)?;
+                for column in 0..w {
+                    samples.push(raster.heights.at(column, row) + ends.at(column) as f32);
+                }
+            }
+            Raster::new(w, h, samples).ok_or_else(|| failed("has no posts".to_owned()))?
+        }
+    };
+    let spacing = raster.grid.per_column.0.hypot(raster.grid.per_column.1) * projection.metres_per_unit();
+    Dem::new(heights, raster.grid, Arc::new(projection), spacing)
+        .ok_or_else(|| InputError::new(file, "holds no data anywhere"))
+}
+
+/// Undulations along one row of posts, linear between knots.
+struct RowUndulations {
+    knots: Vec<f64>,
+    step: usize,
+}
+
+impl RowUndulations {
+    fn at(&self, column: usize) -> f64 {
+        let k = (column / self.step).min(self.knots.len() - 2);
+        let f = (column - k * self.step) as f64 / self.step as f64;
+        self.knots[k] * (1.0 - f) + self.knots[k + 1] * f
+    }
+}
+
+fn geoid_along_row(
+    grid: &crate::raster::GridTransform,
+    row: usize,
+    width: usize,
+    projection: &Projection,
+    geoid: &Geoid,
+) -> Result<RowUndulations, String> {
+    /// Undulations change by less than a millimetre within this distance of a straight line between knots.
+    const KNOT_SPACING_M: f64 = 500.0;
+    let cell = grid.per_column.0.hypot(grid.per_column.1) * projection.metres_per_unit();
+    let step = ((KNOT_SPACING_M / cell).floor() as usize).clamp(1, width.max(1));
+    let count = width.div_ceil(step) + 1;
+    let at: Vec<MapPoint> = (0..count).map(|k| grid.map_from_pixel((k * step) as f64, row as f64)).collect();
+    let places = projection.geodetic_from_map(&at).map_err(|e| e.to_string())?;
+    let knots = geoid.undulations(&places).map_err(|e| e.to_string())?;
+    Ok(RowUndulations { knots, step })
+}
