@@ -11,7 +11,6 @@
 pub mod conventions {}
 
 // Floor 0: scalars.
-pub mod time;
 pub mod units;
 // Floor 1: frames, points, poses.
 pub mod geometry;

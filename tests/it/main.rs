@@ -1,3 +1,4 @@
 //! Tests through the library's public face and through the binary; one crate, so that it links once.
 
 mod surveys;
+mod tidy;

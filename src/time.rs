@@ -1,1 +1,0 @@
-//! Time: log clocks and exposure times as seconds on one named clock.
