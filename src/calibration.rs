@@ -1,1 +1,33 @@
-//! Camera calibration from photos of a planar target.
+//! Camera calibration from photos of a planar target of black squares.
+//!
+//! ```text
+//! photo ──detect──▶ corners (blunt, refined, sharp) ──zhang──▶ closed-form start ──solve──▶ Calibration
+//! ```
+//!
+//! [`detect`] finds the squares, puts them on the target's lattice and locates their corners in the
+//! paper's three steps; [`calibrate`] takes the corners of three or more views to the ten interior
+//! parameters, one pose per view and their covariance. Nothing here reads a file.
+//!
+//! # Source
+//! Hemerly (2014), "Automatic Georeferencing of Images Acquired by UAV's", section 2, eqs. (1)–(5).
+
+mod detect;
+mod grey;
+mod lattice;
+mod localise;
+mod product;
+mod quads;
+mod sharp;
+mod solve;
+mod target;
+mod zhang;
+
+#[cfg(test)]
+mod rendered;
+
+pub use detect::{DetectError, DetectedCorner, Detection, MarkerSeen, detect};
+pub use grey::{Grey, GreyError};
+pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
+pub use solve::{CalibrationError, Lens, LensModel, calibrate};
+pub use target::{Board, BoardPoint, Marker, Observation, SquaresTarget, TargetError};
+pub use zhang::{ClosedForm, StartError};

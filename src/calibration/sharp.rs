@@ -1,0 +1,371 @@
+//! The third and final corner estimate: sharp, by a gradient search along the four edges of a square.
+//!
+//! A corner of a separated square is an L. Searching for the point to which all gradients are orthogonal
+//! is biased there: blur rounds the L off towards the inside by 0.1–0.5 px. An edge away from its ends
+//! has no such bias, so each edge is located by least squares on the brightness step across it,
+//!
+//! ```text
+//! I = light + (dark − light) Φ(d/σ) Φ(d'/σ) Φ(d''/σ),   d = n·(x − m) − (a + b s + c (s² − 1/3))
+//! ```
+//!
+//! where d is the signed distance inside the edge, s runs from −1 to 1 along it, d' and d'' belong to the
+//! neighbouring edges, and a, b, c (offset, turn, bend by lens distortion), dark, light and the blur σ are
+//! estimated for every edge. A corner is where two neighbouring edges intersect.
+
+use super::grey::Grey;
+use nalgebra::{Matrix6, Vector2, Vector6};
+
+/// Standard deviation of an edge's curvature by lens distortion, 1/px: for an 80° lens it stays below
+/// three times this. Keeps noise from bending short edges, and gives way to what long edges show.
+const CURVATURE_STD: f64 = 3e-4;
+/// A smaller blur than this (a box one pixel wide has 0.29 px) cannot be told from it.
+const LEAST_BLUR_PX: f64 = 0.25;
+
+/// Pixels are used where the neighbouring edges leave this share of the dark: 1.6 σ away from them.
+const CLEAR_OF_CORNERS: f64 = 0.95;
+
+/// One edge: position and shape, brightness on both sides.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    middle: Vector2<f64>,
+    along: Vector2<f64>,
+    inwards: Vector2<f64>,
+    half_length: f64,
+    /// a, b, c: pixels at s² = 1/3 on average, at the ends.
+    shape: [f64; 3],
+    dark: f64,
+    light: f64,
+    blur: f64,
+}
+
+impl Edge {
+    fn new(from: Vector2<f64>, to: Vector2<f64>, blur: f64) -> Option<Self> {
+        let along = (to - from).try_normalize(1e-9)?;
+        Some(Self {
+            middle: 0.5 * (from + to),
+            along,
+            inwards: Vector2::new(-along.y, along.x),
+            half_length: 0.5 * (to - from).norm(),
+            shape: [0.0; 3],
+            dark: 0.0,
+            light: 0.0,
+            blur,
+        })
+    }
+    fn station(&self, p: Vector2<f64>) -> f64 {
+        self.along.dot(&(p - self.middle)) / self.half_length
+    }
+    fn offset(&self, s: f64) -> f64 {
+        self.shape[0] + self.shape[1] * s + self.shape[2] * (s * s - 1.0 / 3.0)
+    }
+    fn distance(&self, p: Vector2<f64>) -> f64 {
+        self.inwards.dot(&(p - self.middle)) - self.offset(self.station(p))
+    }
+    fn point(&self, s: f64) -> Vector2<f64> {
+        self.middle + self.along * (s * self.half_length) + self.inwards * self.offset(s)
+    }
+    /// Direction of travel at a station.
+    fn tangent(&self, s: f64) -> Vector2<f64> {
+        self.along * self.half_length + self.inwards * (self.shape[1] + 2.0 * self.shape[2] * s)
+    }
+    /// Where this edge ends and the next begins.
+    fn intersection(&self, next: &Self) -> Option<Vector2<f64>> {
+        let (mut s, mut t) = (1.0, -1.0);
+        for _ in 0..5 {
+            let (u, v) = (self.tangent(s), next.tangent(t));
+            let gap = next.point(t) - self.point(s);
+            let sine = u.perp(&v);
+            if sine <= 0.0 {
+                return None;
+            }
+            s += gap.perp(&v) / sine;
+            t += gap.perp(&u) / sine;
+        }
+        let gap = (next.point(t) - self.point(s)).norm();
+        (gap < 1e-6).then(|| self.point(s))
+    }
+}
+
+/// Normal distribution function and density (Abramowitz and Stegun 7.1.26; |error| < 1e-7).
+fn normal(z: f64) -> (f64, f64) {
+    let density = (-0.5 * z * z).exp() * 0.398_942_280_401_432_7;
+    let x = z.abs() * std::f64::consts::FRAC_1_SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * x);
+    let poly = t
+        * (0.254_829_592
+            + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    // erfc(x) = poly · exp(−x²), and the density holds exp(−x²).
+    let tail = 0.5 * poly * density * 2.506_628_274_631_000_5;
+    (if z >= 0.0 { 1.0 - tail } else { tail }, density)
+}
+
+/// A pixel near an edge.
+struct Sample {
+    across: f64,
+    station: f64,
+    value: f64,
+    /// Share of the dark that the neighbouring edges leave.
+    kept: f64,
+}
+
+/// Locates the corners of one square.
+///
+/// - `start`: refined corners, clockwise from any of them, pixels of `image`.
+/// - `start_scale`: pixels of `image` per pixel in which the refined corners were found.
+/// - `gap`: distance to the neighbouring square in sides; the search never reaches it.
+///
+/// Returns the corners in the same order, or `None` when an edge is not a clean step from light to dark.
+pub(super) fn sharp(
+    image: &Grey,
+    start: [Vector2<f64>; 4],
+    start_scale: f64,
+    gap: f64,
+) -> Option<[Vector2<f64>; 4]> {
+    const ROUNDS: usize = 6;
+    let shortest = (0..4).map(|k| (start[(k + 1) % 4] - start[k]).norm()).fold(f64::INFINITY, f64::min);
+    // Half the free width on both sides of an edge, so that no other edge is in the band.
+    let limit = 0.45 * shortest * gap.min(1.0);
+    let mut corners = start;
+    let mut edges = Vec::with_capacity(4);
+    for k in 0..4 {
+        edges.push(Edge::new(corners[k], corners[(k + 1) % 4], start_scale)?);
+    }
+    for round in 0..ROUNDS {
+        let before = edges.clone();
+        for k in 0..4 {
+            let (previous, next) = (&before[(k + 3) % 4], &before[(k + 1) % 4]);
+            // The first search reaches over the refined corner's error, later ones just over the blur.
+            let reach = if round == 0 { 4.0 * start_scale } else { 3.0 * before[k].blur + 0.75 };
+            let samples = collect(image, &before[k], previous, next, reach.min(limit));
+            edges[k] = fit(&before[k], &samples, round == 0)?;
+        }
+        let mut moved = 0.0_f64;
+        for k in 0..4 {
+            let corner = edges[(k + 3) % 4].intersection(&edges[k])?;
+            moved = moved.max((corner - corners[k]).norm());
+            corners[k] = corner;
+        }
+        if corners.iter().zip(&start).any(|(c, s)| (c - s).norm() > 2.0 * start_scale + 0.25 * shortest) {
+            return None;
+        }
+        for k in 0..4 {
+            // The same curve over the new length.
+            let mut edge = Edge::new(corners[k], corners[(k + 1) % 4], edges[k].blur)?;
+            let bend = edges[k].shape[2] * (edge.half_length / edges[k].half_length).powi(2);
+            edge.shape = [2.0 / 3.0 * -bend, 0.0, bend];
+            (edge.dark, edge.light) = (edges[k].dark, edges[k].light);
+            edges[k] = edge;
+        }
+        if round > 0 && moved < 1e-3 {
+            break;
+        }
+    }
+    Some(corners)
+}
+
+/// The pixels within `reach` of an edge, between its neighbours.
+fn collect(image: &Grey, edge: &Edge, previous: &Edge, next: &Edge, reach: f64) -> Vec<Sample> {
+    let mut samples = Vec::with_capacity((edge.half_length * reach * 5.0) as usize + 16);
+    let steep = edge.along.y.abs() > edge.along.x.abs();
+    let (major, minor) = if steep { (1, 0) } else { (0, 1) };
+    let ends = [edge.point(-1.0), edge.point(1.0)];
+    let low = ends[0][major].min(ends[1][major]) - reach;
+    let high = ends[0][major].max(ends[1][major]) + reach;
+    let slope = edge.along[minor] / edge.along[major];
+    let half_width = (reach + 0.5) / edge.along[major].abs();
+    let size = [image.width() as f64 - 1.0, image.height() as f64 - 1.0];
+    let mut m = low.max(0.0).ceil();
+    while m <= high.min(size[major]) {
+        let centre = edge.middle[minor] + (m - edge.middle[major]) * slope;
+        let mut n = (centre - half_width).max(0.0).ceil();
+        while n <= (centre + half_width).min(size[minor]) {
+            let p = if steep { Vector2::new(n, m) } else { Vector2::new(m, n) };
+            n += 1.0;
+            let station = edge.station(p);
+            if station.abs() > 1.05 || edge.distance(p).abs() > reach {
+                continue;
+            }
+            let mut kept = 1.0;
+            for other in [previous, next] {
+                let z = other.distance(p) / other.blur;
+                if z < 3.5 {
+                    kept *= normal(z).0;
+                }
+            }
+            // The product of two steps is exact for a right angle only, and real corners are rounded.
+            if kept < CLEAR_OF_CORNERS {
+                continue;
+            }
+            samples.push(Sample {
+                across: edge.inwards.dot(&(p - edge.middle)),
+                station,
+                value: f64::from(image.at(p.x as isize, p.y as isize)),
+                kept,
+            });
+        }
+        m += 1.0;
+    }
+    samples
+}
+
+/// Gauss–Newton on a, b, c, dark, light and blur.
+fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
+    const STEPS: usize = 12;
+    let mut edge = *start;
+    if samples.len() < 20 {
+        return None;
+    }
+    if from_scratch {
+        // Dark and light: means of what lies clearly inside and outside.
+        let mean = |side: &dyn Fn(&Sample) -> bool| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for s in samples.iter().filter(|s| side(s)) {
+                sum += s.value;
+                count += 1.0;
+            }
+            (count > 0.0).then(|| sum / count)
+        };
+        edge.dark = mean(&|s| s.across > 1.5).or_else(|| mean(&|s| s.across > 0.0))?;
+        edge.light = mean(&|s| s.across < -1.5).or_else(|| mean(&|s| s.across < 0.0))?;
+    }
+    let curvature_std = CURVATURE_STD * edge.half_length * edge.half_length * 0.5;
+    let mut mean_square = f64::INFINITY;
+    for _ in 0..STEPS {
+        let contrast = edge.light - edge.dark;
+        if contrast <= 0.0 {
+            return None;
+        }
+        let mut normal_matrix = Matrix6::<f64>::zeros();
+        let mut right = Vector6::<f64>::zeros();
+        let mut sum = 0.0;
+        for s in samples {
+            let bend = s.station * s.station - 1.0 / 3.0;
+            let z = (s.across - edge.offset(s.station)) / edge.blur;
+            let (inside, density) = normal(z);
+            let covered = inside * s.kept;
+            let residual = s.value - (edge.light - contrast * covered);
+            // d(value)/d(offset) = contrast · kept · density / blur.
+            let by_offset = contrast * s.kept * density / edge.blur;
+            let row = Vector6::new(
+                by_offset,
+                by_offset * s.station,
+                by_offset * bend,
+                covered,
+                1.0 - covered,
+                by_offset * z,
+            );
+            normal_matrix.syger(1.0, &row, &row, 1.0);
+            right.axpy(residual, &row, 1.0);
+            sum += residual * residual;
+        }
+        mean_square = sum / samples.len() as f64;
+        // What is known of the bend before looking, weighed against the pixels' noise. A floor on the
+        // noise keeps perfect images from ignoring it.
+        let noise = mean_square.max((0.003 * contrast).powi(2));
+        let prior = noise / (curvature_std * curvature_std);
+        normal_matrix[(2, 2)] += prior;
+        right[2] -= prior * edge.shape[2];
+        normal_matrix.fill_upper_triangle_with_lower_triangle();
+        let step = normal_matrix.cholesky()?.solve(&right);
+        // Far from the solution the step is not linear: at most a pixel, at most half the blur.
+        let scale = (1.0 / step[0].abs().max(step[1].abs()).max(1.0))
+            .min(0.5 * edge.blur / step[5].abs().max(0.5 * edge.blur));
+        for k in 0..3 {
+            edge.shape[k] += scale * step[k];
+        }
+        edge.dark += scale * step[3];
+        edge.light += scale * step[4];
+        edge.blur = (edge.blur + scale * step[5]).max(LEAST_BLUR_PX);
+        if step.iter().take(3).all(|v| v.abs() < 1e-4) {
+            break;
+        }
+    }
+    // The band must reach past the blur, and the step must explain what is seen in it.
+    let contrast = edge.light - edge.dark;
+    let clean = mean_square.sqrt() < 0.2 * contrast && edge.blur < 0.35 * edge.half_length.max(4.0);
+    clean.then_some(edge)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_normal_distribution_matches_tables() {
+        for (z, p) in [(0.0, 0.5), (1.0, 0.841_344_746), (-1.96, 0.024_997_895), (3.0, 0.998_650_102)] {
+            assert!((normal(z).0 - p).abs() < 2e-7, "Φ({z}) = {}", normal(z).0);
+        }
+    }
+
+    /// A dark square (any corners) blurred by a Gaussian, sampled at pixel centres with 6 × 6 samples.
+    fn blurred(corners: [Vector2<f64>; 4], blur: f64, size: usize) -> Grey {
+        const SUB: usize = 16;
+        let fine = size * SUB;
+        let mut values = vec![0.0_f64; fine * fine];
+        for (i, value) in values.iter_mut().enumerate() {
+            let to_px = |k: usize| (k as f64 + 0.5) / SUB as f64 - 0.5;
+            let p = Vector2::new(to_px(i % fine), to_px(i / fine));
+            let inside = (0..4).all(|k| (corners[(k + 1) % 4] - corners[k]).perp(&(p - corners[k])) > 0.0);
+            *value = if inside { 30.0 } else { 200.0 };
+        }
+        let reach = (4.0 * blur * SUB as f64) as isize;
+        let kernel: Vec<f64> =
+            (-reach..=reach).map(|k| (-0.5 * (k as f64 / (blur * SUB as f64)).powi(2)).exp()).collect();
+        let total: f64 = kernel.iter().sum();
+        let pass = |source: &[f64], stride: usize, other: usize| -> Vec<f64> {
+            (0..fine * fine)
+                .map(|i| {
+                    let along = (i / stride % fine) as isize;
+                    let base = i - along as usize * stride;
+                    debug_assert!(other > 0);
+                    kernel
+                        .iter()
+                        .zip(-reach..)
+                        .map(|(w, k)| {
+                            let at = (along + k).clamp(0, fine as isize - 1) as usize;
+                            w * source[base + at * stride]
+                        })
+                        .sum::<f64>()
+                        / total
+                })
+                .collect()
+        };
+        let values = pass(&pass(&values, 1, fine), fine, 1);
+        let mut image = vec![0.0_f32; size * size];
+        for (i, value) in image.iter_mut().enumerate() {
+            let mut sum = 0.0;
+            for r in 0..SUB {
+                for c in 0..SUB {
+                    sum += values[(i / size * SUB + r) * fine + i % size * SUB + c];
+                }
+            }
+            *value = (sum / (SUB * SUB) as f64) as f32;
+        }
+        Grey::new(size, size, image).unwrap()
+    }
+
+    #[test]
+    fn corners_of_blurred_squares_are_found_without_inward_bias() {
+        for (blur, angle) in [(0.4, 0.03), (0.8, 0.35), (1.5, 0.6), (1.5, 0.0)] {
+            let (sin, cos) = f64::sin_cos(angle);
+            let truth = [(-9.0, -9.3), (9.6, -8.7), (9.1, 9.4), (-9.7, 8.8)]
+                .map(|(x, y)| Vector2::new(22.3 + cos * x - sin * y, 21.6 + sin * x + cos * y));
+            let image = blurred(truth, blur, 44);
+            let centre = truth.iter().sum::<Vector2<f64>>() / 4.0;
+            // Starting a pixel inside, as the Harris estimate does.
+            let start = truth.map(|p| p + (centre - p).normalize());
+            let found = sharp(&image, start, 1.0, 1.0).unwrap();
+            for (f, t) in found.iter().zip(&truth) {
+                let outwards = (f - t).dot(&(t - centre).normalize());
+                assert!((f - t).norm() < 0.02, "blur {blur}: {f:?} for {t:?}, {outwards:.4} px outwards");
+            }
+        }
+    }
+
+    #[test]
+    fn no_square_no_corner() {
+        let flat = Grey::new(40, 40, vec![100.0; 1600]).unwrap();
+        let start = [(10.0, 10.0), (28.0, 10.0), (28.0, 28.0), (10.0, 28.0)].map(|(x, y)| Vector2::new(x, y));
+        assert!(sharp(&flat, start, 1.0, 1.0).is_none());
+    }
+}

@@ -1,0 +1,171 @@
+//! The adjustment against known cameras: exactness, noise, covariance, refusals.
+
+use super::super::rendered::{observe, paper_camera, paper_poses, pose};
+use super::super::target::SquaresTarget;
+use super::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+/// √(0.0943 / 2) px per axis: the paper's J/576.
+const PAPER_NOISE_PX: f64 = 0.2198;
+
+fn paper_views(noise_px: f64, seed: u64) -> Vec<ViewPoints> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let target = SquaresTarget::paper();
+    paper_poses()
+        .iter()
+        .enumerate()
+        .map(|(i, pose)| ViewPoints {
+            name: format!("view {}", i + 1),
+            observations: observe(&paper_camera(), pose, &target, noise_px, &mut random),
+        })
+        .collect()
+}
+
+#[test]
+fn the_target_fills_the_frame_as_the_reference_assumes() {
+    for view in paper_views(0.0, 0) {
+        let rows = || view.observations.iter().map(|o| o.pixel.row);
+        let columns = || view.observations.iter().map(|o| o.pixel.column);
+        let (top, bottom) = (rows().fold(f64::MAX, f64::min), rows().fold(f64::MIN, f64::max));
+        let (left, right) = (columns().fold(f64::MAX, f64::min), columns().fold(f64::MIN, f64::max));
+        let share = (bottom - top) / 648.0;
+        assert!((0.72..=0.87).contains(&share), "{}: {share}", view.name);
+        assert!(top > 5.0 && bottom < 642.0 && left > 5.0 && right < 1146.0);
+    }
+}
+
+#[test]
+fn noise_free_points_return_the_papers_camera() {
+    let calibration = calibrate(&paper_views(0.0, 0), 1152, 648, LensModel::PAPER).unwrap();
+    let truth = paper_camera().interior();
+    for (k, value) in calibration.camera.brown.interior().into_iter().enumerate() {
+        let relative = (value / truth[k] - 1.0).abs();
+        assert!(relative < 1e-6, "{} {value} for {}: {relative:.1e}", INTERIOR_NAMES[k], truth[k]);
+    }
+    for (view, pose) in calibration.views.iter().zip(paper_poses()) {
+        assert!((view.camera_from_board.origin.vector() - pose.translation).norm() < 1e-9);
+        assert!(view.camera_from_board.rotation.matrix().relative_eq(pose.rotation.matrix(), 1e-9, 1e-9));
+    }
+    assert!(calibration.rms_px < 1e-8);
+}
+
+#[test]
+fn noisy_points_return_it_within_four_standard_deviations() {
+    let truth = paper_camera().interior();
+    for seed in 0..20 {
+        let views = paper_views(PAPER_NOISE_PX, seed);
+        let calibration = calibrate(&views, 1152, 648, LensModel::PAPER).unwrap();
+        for (k, value) in calibration.camera.brown.interior().into_iter().enumerate() {
+            let z = (value - truth[k]) / calibration.std[k];
+            assert!(z.abs() < 4.0, "seed {seed}: {} is {z:.1} standard deviations off", INTERIOR_NAMES[k]);
+        }
+        let j = calibration.j_per_point;
+        assert!((j - 0.0943).abs() < 0.0105, "seed {seed}: J/576 = {j}");
+    }
+}
+
+#[test]
+fn standard_deviations_are_those_of_the_reference() {
+    let calibration = calibrate(&paper_views(PAPER_NOISE_PX, 3), 1152, 648, LensModel::PAPER).unwrap();
+    // paper-numbers e), for an unpublished choice of three views: order of magnitude only.
+    let reference = [1.08, 0.97, 0.34, 0.71, 0.78, 0.011, 0.115, 0.0004, 0.0004, 0.35];
+    for (k, expected) in reference.into_iter().enumerate() {
+        let ratio = calibration.std[k] / expected;
+        assert!(
+            (1.0 / 3.0..3.0).contains(&ratio),
+            "{}: {} for {expected}",
+            INTERIOR_NAMES[k],
+            calibration.std[k]
+        );
+    }
+    assert!(calibration.insignificant.contains(&"k3"), "{:?}", calibration.insignificant);
+}
+
+#[test]
+fn predicted_covariance_is_the_spread_of_recalibrations() {
+    const RUNS: u64 = 200;
+    let truth = paper_camera().interior();
+    let mut predicted = [0.0; 10];
+    let mut squares = [0.0; 10];
+    let mut pose_squares = [0.0; 6];
+    let mut pose_predicted = [0.0; 6];
+    for seed in 0..RUNS {
+        let views = paper_views(PAPER_NOISE_PX, 1000 + seed);
+        let calibration = calibrate(&views, 1152, 648, LensModel::PAPER).unwrap();
+        let interior = calibration.camera.brown.interior();
+        for k in 0..10 {
+            squares[k] += (interior[k] - truth[k]).powi(2) / RUNS as f64;
+            predicted[k] += calibration.std[k].powi(2) / RUNS as f64;
+        }
+        let (view, pose) = (&calibration.views[1], paper_poses()[1]);
+        let turn = Rotation3::from_matrix_unchecked(view.camera_from_board.rotation.matrix())
+            * pose.rotation.inverse();
+        let shift = view.camera_from_board.origin.vector() - pose.translation;
+        let error = [turn.scaled_axis(), shift];
+        for k in 0..6 {
+            pose_squares[k] += error[k / 3][k % 3].powi(2) / RUNS as f64;
+            pose_predicted[k] += view.pose_covariance[(k, k)] / RUNS as f64;
+        }
+    }
+    // 200 draws know a standard deviation to 5 %; 4 of those.
+    for k in 0..10 {
+        let ratio = (squares[k] / predicted[k]).sqrt();
+        assert!((ratio - 1.0).abs() < 0.2, "{}: spread / predicted = {ratio:.3}", INTERIOR_NAMES[k]);
+    }
+    for k in 0..6 {
+        let ratio = (pose_squares[k] / pose_predicted[k]).sqrt();
+        assert!((ratio - 1.0).abs() < 0.2, "pose {k}: spread / predicted = {ratio:.3}");
+    }
+}
+
+#[test]
+fn fixed_parameters_stay_zero_and_certain() {
+    let model = LensModel { lens: Lens::Radial2, skew: false };
+    let calibration = calibrate(&paper_views(PAPER_NOISE_PX, 5), 1152, 648, model).unwrap();
+    let interior = calibration.camera.brown.interior();
+    let covariance = calibration.camera.covariance.unwrap();
+    for k in [2, 7, 8, 9] {
+        assert_eq!(interior[k], 0.0);
+        assert_eq!(covariance.row(k).amax(), 0.0);
+        assert_eq!(calibration.views[0].interior_pose_covariance.row(k).amax(), 0.0);
+    }
+    for k in [0, 1, 3, 4, 5, 6] {
+        assert!(calibration.std[k] > 0.0 && (calibration.correlation[(k, k)] - 1.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn degenerate_sets_are_refused_with_words() {
+    let say = |views: &[ViewPoints]| calibrate(views, 1152, 648, LensModel::PAPER).unwrap_err().to_string();
+    let views = paper_views(PAPER_NOISE_PX, 7);
+    assert!(say(&views[..2]).contains("at least 3"));
+    let twice = [views[0].clone(), views[0].clone(), views[1].clone()];
+    assert!(say(&twice).contains("only 2 different"), "{}", say(&twice));
+    let target = SquaresTarget::paper();
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let parallel: Vec<ViewPoints> = [0.0, 30.0, 60.0, 90.0]
+        .into_iter()
+        .map(|in_plane| {
+            let pose = pose(&target, 0.35, (0.001 * in_plane, 0.0), (0.0, 0.0, in_plane));
+            let observations = observe(&paper_camera(), &pose, &target, 0.1, &mut random);
+            ViewPoints { name: format!("{in_plane}°"), observations }
+        })
+        .collect();
+    assert!(say(&parallel).contains("tilt the target"), "{}", say(&parallel));
+    let mut broken = views.clone();
+    broken[1].observations[3].pixel.row = f64::NAN;
+    assert!(say(&broken).contains("view 2"));
+    broken[1].observations.truncate(3);
+    assert!(say(&broken).contains("3 points"));
+}
+
+#[test]
+fn support_says_how_far_out_the_lens_was_seen() {
+    let calibration = calibrate(&paper_views(0.0, 0), 1152, 648, LensModel::PAPER).unwrap();
+    let support = calibration.support;
+    assert!((0.3..0.8).contains(&support.max_ideal_radius), "{support:?}");
+    assert!(support.supported_share < 0.9 && support.covered_cells > 0.3, "{support:?}");
+    // 0.76 % of the paper's frame has no inverse.
+    assert!((0.003..0.02).contains(&support.folded_share), "{support:?}");
+}
