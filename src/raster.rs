@@ -4,8 +4,12 @@
 //! GeoTIFF counts from is converted in `formats` and nowhere else.
 
 mod grid;
+mod image;
+mod resample;
 
 pub use grid::GridTransform;
+pub use image::{Image8, ImagePyramid};
+pub use resample::{Kernel, Run, sample_run};
 
 /// Samples of one band, row by row.
 #[derive(Debug, Clone, PartialEq)]

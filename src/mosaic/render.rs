@@ -1,0 +1,364 @@
+//! One tile: map, sample, blend.
+
+use super::ground::TileGround;
+use super::mapping::{CELL, Cell, FramePoint, map_frame};
+use super::plan::{Blend, MosaicPlan, Tile, Window};
+use super::weight::EdgeWeight;
+use crate::geodesy::ProjectionError;
+use crate::raster::{Image8, ImagePyramid, Run, sample_run};
+use std::sync::Arc;
+
+/// A frame whose pixels cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("frame {name}: {cause}")]
+pub struct FrameFailure {
+    /// Index in the plan.
+    pub frame: usize,
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub cause: String,
+}
+
+/// Where the pixels of the frames come from.
+pub trait FrameSource: Sync {
+    /// The stored pixels of a frame of the plan, with as many channels as the plan has.
+    ///
+    /// # Errors
+    /// [`FrameFailure`] when the image cannot be decoded or is not the image that was planned.
+    fn frame(&self, index: usize) -> Result<Arc<ImagePyramid>, FrameFailure>;
+}
+
+/// Why a tile cannot be rendered.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// The tile lies outside the map projection.
+    #[error(transparent)]
+    Projection(#[from] ProjectionError),
+    /// The projection is too rough to be interpolated.
+    #[error(
+        "the map projection is not smooth around pixel ({column}, {row}) of the mosaic: interpolation \
+         over 8 pixels is {off_m:.3} m off; choose a projection made for this place or a smaller gsd"
+    )]
+    RoughProjection {
+        /// Column in the mosaic.
+        column: usize,
+        /// Row in the mosaic.
+        row: usize,
+        /// Deviation, metres.
+        off_m: f64,
+    },
+    /// A frame's pixels cannot be had.
+    #[error(transparent)]
+    Frame(#[from] FrameFailure),
+}
+
+/// The pixels of one tile.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TilePixels {
+    /// Its place in the mosaic.
+    pub window: Window,
+    /// One plane of `width × height` samples per channel, 0 where transparent.
+    pub planes: Vec<Vec<u8>>,
+    /// 255 where at least one frame sees the ground, else 0.
+    pub alpha: Vec<u8>,
+}
+
+impl TilePixels {
+    fn transparent(window: Window, channels: usize) -> Self {
+        let pixels = window.width * window.height;
+        Self {
+            window,
+            planes: vec![vec![0; pixels]; channels],
+            alpha: vec![0; pixels],
+        }
+    }
+    /// True when nothing is seen anywhere.
+    #[must_use]
+    pub fn is_transparent(&self) -> bool {
+        self.alpha.iter().all(|a| *a == 0)
+    }
+}
+
+/// Renders one tile: a function of the plan, the tile and the frames' pixels, and of nothing else.
+///
+/// # Errors
+/// [`RenderError`].
+///
+/// # Panics
+/// When `tile` is not the index of a tile of the plan.
+pub fn render_tile(
+    plan: &MosaicPlan,
+    tile: usize,
+    source: &dyn FrameSource,
+) -> Result<TilePixels, RenderError> {
+    let tile = &plan.tiles[tile];
+    if tile.frames.is_empty() {
+        return Ok(TilePixels::transparent(tile.window, plan.channels));
+    }
+    match plan.channels {
+        1 => render::<1>(plan, tile, source),
+        _ => render::<3>(plan, tile, source),
+    }
+}
+
+fn render<const CH: usize>(
+    plan: &MosaicPlan,
+    tile: &Tile,
+    source: &dyn FrameSource,
+) -> Result<TilePixels, RenderError> {
+    let window = tile.window;
+    let side = window.width.max(window.height).next_multiple_of(CELL);
+    let mut ground = TileGround::new(plan.projection.as_ref(), &plan.grid, &window, side)?;
+    let mut canvas = Canvas::<CH>::new(plan.blend, window.width, window.height);
+    for &index in &tile.frames {
+        let Some(reach) = plan.pixels_of(index, &window) else {
+            continue;
+        };
+        let part = Window {
+            column: reach.column - window.column,
+            row: reach.row - window.row,
+            ..reach
+        };
+        let frame = &plan.frames[index].frame;
+        let map = map_frame(&mut ground, frame, &part);
+        if map.is_empty() {
+            continue;
+        }
+        let pyramid = checked(plan, index, source)?;
+        let painter = Painter {
+            pyramid: &pyramid,
+            plan,
+            part,
+            weight: EdgeWeight::of(frame),
+            size: frame.stored_size(),
+        };
+        for cell in &map.cells {
+            painter.paint_cell(cell, &mut canvas);
+        }
+        let scale = plan.gsd_m / frame.footprint.gsd_m;
+        for pixel in &map.pixels {
+            painter.paint_pixel(pixel.column, pixel.row, &pixel.at, scale, &mut canvas);
+        }
+    }
+    Ok(canvas.finish(window))
+}
+
+/// The frame's pixels, after a look whether they are what the plan was made for.
+fn checked(
+    plan: &MosaicPlan,
+    index: usize,
+    source: &dyn FrameSource,
+) -> Result<Arc<ImagePyramid>, FrameFailure> {
+    let frame = &plan.frames[index].frame;
+    let pyramid = source.frame(index)?;
+    let image = pyramid.base();
+    let (width, height) = frame.stored_size();
+    if (image.width(), image.height()) != (width as usize, height as usize)
+        || image.channels() != plan.channels
+    {
+        return Err(FrameFailure {
+            frame: index,
+            name: frame.name.clone(),
+            cause: format!(
+                "its image has {} × {} pixels of {} channels, {width} × {height} of {} were planned",
+                image.width(),
+                image.height(),
+                image.channels(),
+                plan.channels
+            ),
+        });
+    }
+    Ok(pyramid)
+}
+
+/// The tile while frames are laid onto it.
+struct Canvas<const CH: usize> {
+    blend: Blend,
+    width: usize,
+    height: usize,
+    /// Feather: weighted sums. None: the best frame's value.
+    values: Vec<[f32; CH]>,
+    /// Feather: sum of weights. None: the best frame's weight. 0 where nothing is seen.
+    weights: Vec<f32>,
+}
+
+impl<const CH: usize> Canvas<CH> {
+    fn new(blend: Blend, width: usize, height: usize) -> Self {
+        Self {
+            blend,
+            width,
+            height,
+            values: vec![[0.0; CH]; width * height],
+            weights: vec![0.0; width * height],
+        }
+    }
+
+    fn add(&mut self, index: usize, value: &[f32; CH], weight: f32) {
+        match self.blend {
+            Blend::Feather => {
+                let sums = &mut self.values[index];
+                for (sum, v) in sums.iter_mut().zip(value) {
+                    *sum += weight * v;
+                }
+                self.weights[index] += weight;
+            }
+            // Strictly greater: of equals the first frame stays.
+            Blend::None if weight > self.weights[index] => {
+                self.values[index] = *value;
+                self.weights[index] = weight;
+            }
+            Blend::None => {}
+        }
+    }
+
+    fn finish(self, window: Window) -> TilePixels {
+        let pixels = self.width * self.height;
+        let mut planes = vec![vec![0_u8; pixels]; CH];
+        let mut alpha = vec![0_u8; pixels];
+        for (i, (value, weight)) in self.values.iter().zip(&self.weights).enumerate() {
+            if *weight > 0.0 {
+                let divisor = match self.blend {
+                    Blend::Feather => 1.0 / weight,
+                    Blend::None => 1.0,
+                };
+                for (plane, v) in planes.iter_mut().zip(value) {
+                    // `as` saturates; half up.
+                    plane[i] = (v * divisor + 0.5) as u8;
+                }
+                alpha[i] = 255;
+            }
+        }
+        TilePixels {
+            window,
+            planes,
+            alpha,
+        }
+    }
+}
+
+/// Lays one frame onto a canvas.
+struct Painter<'a> {
+    pyramid: &'a ImagePyramid,
+    plan: &'a MosaicPlan,
+    /// The part of the tile that the frame reaches, in pixels of the tile.
+    part: Window,
+    weight: EdgeWeight,
+    size: (u32, u32),
+}
+
+impl Painter<'_> {
+    fn paint_cell<const CH: usize>(&self, cell: &Cell, canvas: &mut Canvas<CH>) {
+        let [ul, ur, ll, lr] = cell.corners;
+        let side = cell.side as f64;
+        let (across, down) = (
+            (
+                (ur.column - ul.column) / side,
+                (ur.row - ul.row) / side,
+            ),
+            (
+                (ll.column - ul.column) / side,
+                (ll.row - ul.row) / side,
+            ),
+        );
+        let scale = (across.0 * down.1 - across.1 * down.0).abs().sqrt();
+        let level = ImagePyramid::level_for_scale(scale);
+        let image = self.pyramid.level(level);
+        let all_valid = cell.corners.iter().all(|p| self.is_on_image(p));
+        let well_inside = all_valid
+            && cell.corners.iter().all(|p| {
+                let at = run_to(*p, *p, 1.0).at_level(level);
+                lies_between_centres(image, at.column, at.row)
+            });
+        let first = cell.column.max(self.part.column);
+        let end = (cell.column + cell.side).min(self.part.column + self.part.width);
+        if first >= end {
+            return;
+        }
+        let mut values = [[0.0_f32; CH]; CELL];
+        let top = cell.row.max(self.part.row);
+        let bottom = (cell.row + cell.side).min(self.part.row + self.part.height);
+        for row in top..bottom {
+            let k = (row - cell.row) as f64 / side;
+            let left = between(&ul, &ll, k);
+            let right = between(&ur, &lr, k);
+            let mut run = run_to(left, right, side);
+            run.column += (first - cell.column) as f64 * run.column_step;
+            run.row += (first - cell.column) as f64 * run.row_step;
+            let values = &mut values[..end - first];
+            sample_run(
+                image,
+                self.plan.kernel,
+                run.at_level(level),
+                well_inside,
+                values,
+            );
+            let start = row * canvas.width + first;
+            for (i, value) in values.iter().enumerate() {
+                let at = FramePoint {
+                    column: run.column + i as f64 * run.column_step,
+                    row: run.row + i as f64 * run.row_step,
+                };
+                if all_valid || self.is_on_image(&at) {
+                    let weight = self.weight.at(at.column as f32, at.row as f32);
+                    canvas.add(start + i, value, weight);
+                }
+            }
+        }
+    }
+
+    fn paint_pixel<const CH: usize>(
+        &self,
+        column: usize,
+        row: usize,
+        at: &FramePoint,
+        scale: f64,
+        canvas: &mut Canvas<CH>,
+    ) {
+        if column >= canvas.width || row >= canvas.height || !self.is_on_image(at) {
+            return;
+        }
+        let level = ImagePyramid::level_for_scale(scale);
+        let mut value = [[0.0_f32; CH]];
+        sample_run(
+            self.pyramid.level(level),
+            self.plan.kernel,
+            run_to(*at, *at, 1.0).at_level(level),
+            false,
+            &mut value,
+        );
+        let weight = self.weight.at(at.column as f32, at.row as f32);
+        canvas.add(row * canvas.width + column, &value[0], weight);
+    }
+
+    /// Within half a pixel of a pixel centre, as [`crate::camera::Camera::contains`].
+    fn is_on_image(&self, at: &FramePoint) -> bool {
+        at.column >= -0.5
+            && at.row >= -0.5
+            && at.column <= f64::from(self.size.0) - 0.5
+            && at.row <= f64::from(self.size.1) - 0.5
+    }
+}
+
+fn lies_between_centres(image: &Image8, column: f64, row: f64) -> bool {
+    column >= 0.0
+        && row >= 0.0
+        && column <= (image.width() - 1) as f64
+        && row <= (image.height() - 1) as f64
+}
+
+fn between(a: &FramePoint, b: &FramePoint, k: f64) -> FramePoint {
+    FramePoint {
+        column: a.column + k * (b.column - a.column),
+        row: a.row + k * (b.row - a.row),
+    }
+}
+
+fn run_to(from: FramePoint, to: FramePoint, steps: f64) -> Run {
+    Run {
+        column: from.column,
+        row: from.row,
+        column_step: (to.column - from.column) / steps,
+        row_step: (to.row - from.row) / steps,
+    }
+}
