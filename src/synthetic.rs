@@ -36,6 +36,7 @@ pub use target_sheet::TargetCorner;
 use exposure::Light;
 use flight::Flown;
 use ground::{Ground, ScenePoint};
+use lens::Lens;
 use scene::{Painting, Rgb};
 use target_sheet::View;
 
@@ -112,6 +113,7 @@ impl RunwayOutline {
 /// A scenario worked out: true poses, log, targets, and a renderer for every photo.
 pub struct Survey {
     scenario: Scenario,
+    lens: Lens,
     ground: Ground,
     painting: Painting,
     flown: Flown,
@@ -128,11 +130,13 @@ impl Survey {
     /// Those of [`Scenario::validate`].
     pub fn new(scenario: &Scenario) -> Result<Self, SyntheticError> {
         scenario.validate()?;
-        let camera = &scenario.camera;
-        let rays = (0..camera.height_px)
+        let lens = Lens::new(&scenario.camera);
+        let Camera { width_px, height_px, .. } = scenario.camera;
+        let rays = (0..height_px)
             .into_par_iter()
             .flat_map_iter(|row| {
-                (0..camera.width_px).map(move |column| camera.ideal_from_pixel(f64::from(column), f64::from(row)))
+                let lens = &lens;
+                (0..width_px).map(move |column| lens.ideal_from_pixel(f64::from(column), f64::from(row)))
             })
             .collect();
         let ground = Ground::new(scenario);
@@ -150,7 +154,7 @@ impl Survey {
             .iter()
             .map(|_| (scenario.photo.gain_std * random.sample::<f64, _>(StandardNormal)).exp())
             .collect();
-        Ok(Self { scenario: scenario.clone(), ground, painting, flown, targets, gains, rays })
+        Ok(Self { scenario: scenario.clone(), lens, ground, painting, flown, targets, gains, rays })
     }
 
     pub fn scenario(&self) -> &Scenario {
@@ -203,10 +207,10 @@ impl Survey {
         let in_camera = frame.ecef_from_camera.transpose() * (point.ecef() - frame.camera_in_ecef);
         let ideal = in_camera.xy() / in_camera.z;
         let camera = &self.scenario.camera;
-        if in_camera.z <= 0.0 || !camera.is_single_valued(ideal) {
+        if in_camera.z <= 0.0 || !self.lens.is_single_valued(ideal) {
             return None;
         }
-        let pixel = camera.pixel_from_ideal(ideal);
+        let pixel = self.lens.pixel_from_ideal(ideal);
         let inside = (-0.5..f64::from(camera.width_px) - 0.5).contains(&pixel.x)
             && (-0.5..f64::from(camera.height_px) - 0.5).contains(&pixel.y);
         inside.then_some([pixel.x, pixel.y])
@@ -214,7 +218,7 @@ impl Survey {
 
     /// The ground point a frame's pixel sees; `None` where the lens has no inverse or the ray misses the ground.
     pub fn ground_from_pixel(&self, frame: &TrueFrame, column: f64, row: f64) -> Option<GeodeticPosition> {
-        let point = self.ground_hit(frame, self.scenario.camera.ideal_from_pixel(column, row)?)?;
+        let point = self.ground_hit(frame, self.lens.ideal_from_pixel(column, row)?)?;
         Some(GeodeticPosition::from_ecef(&point.0))
     }
 
@@ -303,7 +307,7 @@ impl Survey {
     /// Mean colour over a pixel, from samples between its four corners on the ground; `None` at the lens's fold.
     fn edge_colour(&self, frame: &TrueFrame, pixel: Vector2<f64>, footprint: f64) -> Option<Rgb> {
         let corner = |dx: f64, dy: f64| {
-            let ideal = self.scenario.camera.ideal_from_pixel(pixel.x + dx, pixel.y + dy)?;
+            let ideal = self.lens.ideal_from_pixel(pixel.x + dx, pixel.y + dy)?;
             let at = self.ground.scene_from_ecef(&self.ground_hit(frame, ideal)?.0);
             Some(Vector2::new(at.east, at.north))
         };
@@ -316,13 +320,13 @@ impl Survey {
 
     /// True pixels of the target's corners in a calibration photo.
     pub fn target_corners(&self, index: u32) -> Vec<TargetCorner> {
-        View::new(&self.scenario, index).corners(&self.scenario.camera)
+        View::new(&self.scenario, &self.lens, index).corners(&self.lens)
     }
 
     /// Renders one photo of the calibration target.
     pub fn render_target_photo(&self, index: u32) -> GrayImage {
         let (camera, photos) = (&self.scenario.camera, &self.scenario.calibration);
-        let view = View::new(&self.scenario, index);
+        let view = View::new(&self.scenario, &self.lens, index);
         let width = camera.width_px as usize;
         let pixels = self
             .rays
@@ -333,7 +337,7 @@ impl Survey {
                 rays.iter()
                     .enumerate()
                     .map(move |(column, ray)| {
-                        ray.map(|ray| [sheet_light(view, camera, column as f64, row as f64, ray) as f32])
+                        ray.map(|ray| [sheet_light(view, &self.lens, column as f64, row as f64, ray) as f32])
                     })
             })
             .collect();
@@ -345,12 +349,12 @@ impl Survey {
     }
 }
 
-fn sheet_light(view: &View, camera: &Camera, column: f64, row: f64, ideal: Vector2<f64>) -> f64 {
+fn sheet_light(view: &View, lens: &Lens, column: f64, row: f64, ideal: Vector2<f64>) -> f64 {
     const BEYOND: f64 = 0.4;
     let Some(at) = view.target_from_ideal(ideal) else { return BEYOND };
-    let footprint = view.origin_in_camera_mm.z / camera.fx_px.min(camera.fy_px);
-    if View::has_edge(at, 3.0 * footprint) {
-        let corner = |dx: f64, dy: f64| view.target_from_ideal(camera.ideal_from_pixel(column + dx, row + dy)?);
+    let footprint = view.origin_in_camera_mm.z / lens.camera().fx_px.min(lens.camera().fy_px);
+    if View::has_edge(at, 2.0 * footprint) {
+        let corner = |dx: f64, dy: f64| view.target_from_ideal(lens.ideal_from_pixel(column + dx, row + dy)?);
         if let (Some(a), Some(b), Some(c), Some(d)) =
             (corner(-0.5, -0.5), corner(0.5, -0.5), corner(-0.5, 0.5), corner(0.5, 0.5))
         {

@@ -140,7 +140,7 @@ fn write_files(
     for index in 0..views {
         let photo = survey.render_target_photo(index);
         folder.image(&format!("calibration/{}", target_photo_name(index)), |writer| {
-            PngEncoder::new_with_quality(writer, CompressionType::Best, FilterType::Adaptive).write_image(
+            PngEncoder::new_with_quality(writer, CompressionType::Best, FilterType::Avg).write_image(
                 photo.as_raw(),
                 photo.width(),
                 photo.height(),

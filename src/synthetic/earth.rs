@@ -62,14 +62,14 @@ pub(super) struct Vertical {
 }
 
 impl Vertical {
-    /// Bowring's iteration on the parametric latitude; three rounds leave less than a nanometre from the sea
-    /// floor to 50 km.
+    /// Bowring's iteration on the parametric latitude; two rounds leave less than a nanometre from
+    /// the sea floor to 10 km.
     pub fn at(point: &Vector3<f64>) -> Self {
-        let distance = point.x.hypot(point.y);
+        let distance = (point.x * point.x + point.y * point.y).sqrt();
         let second_eccentricity_squared = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED);
         let (mut sin_beta, mut cos_beta) = unit(point.z * SEMI_MAJOR_M, distance * SEMI_MINOR_M);
         let (mut sin_lat, mut cos_lat) = (0.0, 1.0);
-        for _ in 0..3 {
+        for _ in 0..2 {
             (sin_lat, cos_lat) = unit(
                 point.z + second_eccentricity_squared * SEMI_MINOR_M * sin_beta.powi(3),
                 distance - ECCENTRICITY_SQUARED * SEMI_MAJOR_M * cos_beta.powi(3),

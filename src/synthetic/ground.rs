@@ -12,8 +12,14 @@ use rand_chacha::ChaCha8Rng;
 use super::earth::{GeodeticPosition, Vertical};
 use super::scenario::{ReliefShape, Scenario};
 
-/// A ray has met the ground when it is this close, metres.
+/// A bisected ray has met the ground when it is this close, metres.
 const TOUCH_M: f64 = 1e-7;
+/// From this close a Newton step ends within nanometres, metres.
+const CLOSE_M: f64 = 1e-3;
+/// Rays less than this (radians) below the site's horizon count as missing the ground.
+const LEAST_SINK: f64 = 1e-3;
+/// A mean radius, for starting values only, metres.
+const EARTH_RADIUS_M: f64 = 6.37e6;
 
 /// A point of the scene: metres east and north of the site, in its tangent plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +42,8 @@ pub(super) struct Ground {
     up: Vector3<f64>,
     mean_height_m: f64,
     waves: Vec<Wave>,
+    /// No slope is steeper, metres per metre.
+    steepest: f64,
 }
 
 impl Ground {
@@ -50,7 +58,7 @@ impl Ground {
         let mut random = ChaCha8Rng::seed_from_u64(scenario.seed);
         random.set_stream(super::stream::RELIEF);
         let count = if scenario.relief.shape == ReliefShape::Hills { 5 } else { 0 };
-        let waves = (0..count)
+        let waves: Vec<_> = (0..count)
             .map(|index| {
                 // Directions spread over the half circle; lengths from one to two and a half wavelengths.
                 let direction = (f64::from(index) + random.random_range(0.2..0.8)) * TAU / 10.0;
@@ -68,6 +76,7 @@ impl Ground {
             east: axes.column(1).into(),
             up: -Vector3::from(axes.column(2)),
             mean_height_m: site.ground_height_ellipsoid_m,
+            steepest: waves.iter().map(|wave: &Wave| wave.amplitude_m * wave.vector.norm()).sum(),
             waves,
         }
     }
@@ -129,48 +138,64 @@ impl Ground {
 
     /// Distance along a ray (unit `direction`) to the first ground point, or `None` if it misses.
     pub fn distance_along(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<f64> {
-        let start = Vertical::at(origin);
-        let sink = -direction.dot(&start.up);
-        if sink <= 1e-3 {
+        let sink = -direction.dot(&self.up);
+        if sink <= LEAST_SINK {
             return None;
         }
-        let above = |distance: f64| {
+        let (east, north) = (direction.dot(&self.east), direction.dot(&self.north));
+        let level = (east * east + north * north).sqrt();
+        let start = (origin - self.origin_in_ecef).dot(&self.up);
+        if sink <= 1.5 * self.steepest * level {
+            return self.first_crossing(origin, direction, start, sink);
+        }
+        // Steeper than any slope: one root. The tangent plane, lowered by the Earth's curvature, is a close start.
+        let mut distance = start / sink;
+        let at = self.scene_from_ecef(&(origin + direction * distance));
+        distance += (at.east * at.east + at.north * at.north) / (2.0 * EARTH_RADIUS_M) / sink;
+        for _ in 0..40 {
             let point = origin + direction * distance;
             let vertical = Vertical::at(&point);
-            (vertical.height_m - self.height_m(self.scene_from_ecef(&point)), -direction.dot(&vertical.up))
-        };
-        let steepest: f64 = self.waves.iter().map(|wave| wave.amplitude_m * wave.vector.norm()).sum();
-        let level = (1.0 - sink * sink).max(0.0).sqrt();
-        let mut distance = (start.height_m - self.mean_height_m) / sink;
-        if sink <= 1.5 * steepest * level {
-            // A shallow ray may cross several slopes: walk from above every summit to the first crossing.
-            let amplitude: f64 = self.waves.iter().map(|wave| wave.amplitude_m).sum();
-            let shortest = self.waves.iter().map(|wave| TAU / wave.vector.norm()).fold(f64::INFINITY, f64::min);
-            let step = shortest / 64.0;
-            distance = ((start.height_m - self.mean_height_m - amplitude) / sink).max(0.0);
-            let end = distance + 4.0 * amplitude / sink + 4.0 * shortest;
-            while above(distance).0 > 0.0 {
-                distance += step;
-                if distance > end {
-                    return None;
-                }
-            }
-            let mut before = distance - step;
-            while distance - before > TOUCH_M {
-                let middle = 0.5 * (distance + before);
-                if above(middle).0 > 0.0 { before = middle } else { distance = middle }
-            }
-            return Some(distance);
-        }
-        // Steeper than any slope: one root, and the sinking rate bounds the derivative away from zero.
-        for _ in 0..40 {
-            let (height, sink) = above(distance);
-            if height.abs() < TOUCH_M {
+            let at = self.scene_from_ecef(&point);
+            let above = vertical.height_m - self.height_m(at);
+            let approach = self.slope(at).dot(&Vector2::new(east, north)) - direction.dot(&vertical.up);
+            distance += above / approach;
+            if above.abs() < CLOSE_M {
                 return Some(distance);
             }
-            distance += height / sink;
         }
         None
+    }
+
+    /// A shallow ray may cross several slopes: walks from above every summit to the first crossing.
+    fn first_crossing(
+        &self,
+        origin: &Vector3<f64>,
+        direction: &Vector3<f64>,
+        start: f64,
+        sink: f64,
+    ) -> Option<f64> {
+        let is_above = |distance: f64| {
+            let point = origin + direction * distance;
+            Vertical::at(&point).height_m > self.height_m(self.scene_from_ecef(&point))
+        };
+        let amplitude: f64 = self.waves.iter().map(|wave| wave.amplitude_m).sum();
+        let shortest = self.waves.iter().map(|wave| TAU / wave.vector.norm()).fold(f64::INFINITY, f64::min);
+        let step = shortest / 64.0;
+        let mut distance = ((start - amplitude) / sink).max(0.0);
+        // The Earth's curvature lowers the ground by less than the last term.
+        let end = distance + (4.0 * amplitude + distance * distance / EARTH_RADIUS_M) / sink + 4.0 * shortest;
+        while is_above(distance) {
+            distance += step;
+            if distance > end {
+                return None;
+            }
+        }
+        let mut before = (distance - step).max(0.0);
+        while distance - before > TOUCH_M {
+            let middle = 0.5 * (distance + before);
+            if is_above(middle) { before = middle } else { distance = middle }
+        }
+        Some(distance)
     }
 }
 

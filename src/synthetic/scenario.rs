@@ -418,7 +418,7 @@ impl Scenario {
         Self {
             seed: 14,
             flight: Flight { forward_overlap: Some(0.7), side_overlap: Some(0.6), ..Flight::default() },
-            photo: Photo { noise_std: 1.0, gain_std: 0.02, vignetting: 0.08, ..Photo::default() },
+            photo: Photo { noise_std: 1.0, gain_std: 0.02, vignetting: 0.08, jpeg_quality: 85, ..Photo::default() },
             mounting: Mounting {
                 antenna_in_body_m: [-0.3, 0.0, -0.25],
                 gimbal_in_body_m: [0.45, 0.0, 0.2],
@@ -426,7 +426,7 @@ impl Scenario {
                 ..Mounting::default()
             },
             adahrs: Adahrs { correlation_time_s: 20.0, ..Adahrs::paper() },
-            calibration: CalibrationPhotos { noise_std: 2.0, ..CalibrationPhotos::default() },
+            calibration: CalibrationPhotos { noise_std: 1.25, ..CalibrationPhotos::default() },
             ..Self::default()
         }
     }

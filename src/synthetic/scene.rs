@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Vector2, Vector3};
 
 use super::ground::ScenePoint;
-use super::noise::{coverage, ease, fractal, fraction, hash, line_coverage, smooth, survival};
+use super::noise::{coverage, ease, floor, fractal, fraction, hash, line_coverage, smooth, survival};
 use super::scenario::Scenario;
 
 /// Red, green, blue in [0, 1], as the camera would store them.
@@ -23,12 +23,17 @@ const SHADOW_M: f64 = 4.5;
 /// Distance between the tramlines of a sprayed crop, metres, and between the two wheels.
 const TRAMLINE_M: f64 = 24.0;
 const WHEELS_M: f64 = 1.9;
+/// A track's wheel ruts: their distance from its middle and their width, metres.
+const HALF_AXLE_M: f64 = 1.15;
+const RUT_M: f64 = 1.3;
 /// Width of the turning strip at both ends of a field, metres.
 const HEADLAND_M: f64 = 11.0;
 /// Plate diameter over target diameter.
 const PLATE: f64 = 1.8;
 /// Mown grass around the runway, metres beyond its ends and sides.
 const AIRFIELD_M: Vector2<f64> = Vector2::new(45.0, 24.0);
+
+const AIRFIELD_CORNER_M: f64 = 20.0;
 
 /// One ground target.
 pub(super) struct Mark {
@@ -105,29 +110,46 @@ pub(super) struct Painting {
     seed: u64,
     scene: super::scenario::Scene,
     marks: Vec<Mark>,
+    /// Index into `marks` of every place of the target grid, rows after one another.
+    places: Vec<Option<usize>>,
+    field_axes: Axes,
+    runway_axes: Axes,
+    target_axes: Axes,
     sun: Vector2<f64>,
+    /// The sun across and along the fields.
+    sun_in_field: Vector2<f64>,
 }
 
 impl Painting {
     pub fn new(scenario: &Scenario) -> Self {
         let scene = scenario.scene.clone();
-        let mut marks = Vec::new();
-        for row in 0..scene.targets.rows {
-            for column in 0..scene.targets.columns {
-                let centre = mark_centre(&scene.targets, column, row);
-                let on_runway = scene.runway.present && {
-                    let local = along_right(centre, scene.runway.east_m, scene.runway.north_m, scene.runway.heading_deg);
-                    let clear = 5.0 + 0.5 * PLATE * scene.targets.diameter_m;
-                    local.x.abs() < 0.5 * scene.runway.length_m + clear && local.y.abs() < 0.5 * scene.runway.width_m + clear
-                };
+        let (runway, targets) = (&scene.runway, &scene.targets);
+        let field_axes = Axes::new(0.0, 0.0, scene.field_direction_deg);
+        let runway_axes = Axes::new(runway.east_m, runway.north_m, runway.heading_deg);
+        let target_axes = Axes::new(targets.east_m, targets.north_m, targets.heading_deg);
+        let (mut marks, mut places) = (Vec::new(), Vec::new());
+        for row in 0..targets.rows {
+            for column in 0..targets.columns {
+                let centre = target_axes.scene(
+                    (f64::from(column) - 0.5 * f64::from(targets.columns - 1)) * targets.column_spacing_m,
+                    (f64::from(row) - 0.5 * f64::from(targets.rows - 1)) * targets.row_spacing_m,
+                );
+                let from_runway = runway_axes.local(centre).abs();
+                let clear = 5.0 + 0.5 * PLATE * targets.diameter_m;
+                let on_runway = runway.present
+                    && from_runway.x < 0.5 * runway.length_m + clear
+                    && from_runway.y < 0.5 * runway.width_m + clear;
+                places.push((!on_runway).then_some(marks.len()));
                 if !on_runway {
-                    let name = format!("T{:02}", row * scene.targets.columns + column + 1);
+                    let name = format!("T{:02}", row * targets.columns + column + 1);
                     marks.push(Mark { name, centre, cross: (row + column) % 2 == 1 });
                 }
             }
         }
         let sun = Vector2::new(SUN_AZIMUTH_RAD.sin(), SUN_AZIMUTH_RAD.cos());
-        Self { seed: hash(scenario.seed, 11, 17), scene, marks, sun }
+        let sun_in_field = field_axes.local(ScenePoint { east: sun.x, north: sun.y }).yx();
+        let seed = hash(scenario.seed, 11, 17);
+        Self { seed, scene, marks, places, field_axes, runway_axes, target_axes, sun, sun_in_field }
     }
 
     pub fn marks(&self) -> &[Mark] {
@@ -137,13 +159,7 @@ impl Painting {
     /// The runway's corners, in turn, and the middles of its two ends; `None` without a runway.
     pub fn runway_outline(&self) -> Option<([ScenePoint; 4], [ScenePoint; 2])> {
         let runway = &self.scene.runway;
-        let at = |along: f64, right: f64| {
-            let (sin, cos) = runway.heading_deg.to_radians().sin_cos();
-            ScenePoint {
-                east: runway.east_m + along * sin + right * cos,
-                north: runway.north_m + along * cos - right * sin,
-            }
-        };
+        let at = |along: f64, right: f64| self.runway_axes.scene(along, right);
         let (length, width) = (0.5 * runway.length_m, 0.5 * runway.width_m);
         runway.present.then(|| {
             (
@@ -165,7 +181,7 @@ impl Painting {
         if !runway.present {
             return false;
         }
-        let local = along_right(at, runway.east_m, runway.north_m, runway.heading_deg).abs();
+        let local = self.runway_axes.local(at).abs();
         let (length, width) = (0.5 * runway.length_m, 0.5 * runway.width_m);
         let plain = local.x < length - 16.0 - reach && local.y > 0.3 + reach && local.y < width - reach;
         local.x < length + reach && local.y < width + reach && !plain
@@ -186,13 +202,15 @@ impl Painting {
         if !runway.present {
             return self.farmland(at, footprint);
         }
-        let local = along_right(at, runway.east_m, runway.north_m, runway.heading_deg);
+        let local = self.runway_axes.local(at);
         let (length, width) = (0.5 * runway.length_m, 0.5 * runway.width_m);
         if local.x.abs() <= length && local.y.abs() <= width {
             return self.runway_colour(local, footprint);
         }
         let ragged = 1.5 * smooth(self.seed ^ 21, at.east / 9.0, at.north / 9.0);
-        let inside = (length + AIRFIELD_M.x - local.x.abs()).min(width + AIRFIELD_M.y - local.y.abs()) + ragged;
+        // A rectangle with rounded corners.
+        let beyond = local.abs() - Vector2::new(length, width) - AIRFIELD_M.add_scalar(-AIRFIELD_CORNER_M);
+        let inside = AIRFIELD_CORNER_M + ragged - beyond.sup(&Vector2::zeros()).norm() - beyond.max().min(0.0);
         let share = coverage(inside, footprint.max(1.5));
         let mown = |footprint| {
             let stripe = (TAU * local.y / 12.0).sin() * survival(12.0, footprint);
@@ -225,15 +243,15 @@ impl Painting {
         if self.marks.is_empty() {
             return None;
         }
-        let local = along_right(at, targets.east_m, targets.north_m, targets.heading_deg);
+        let local = self.target_axes.local(at);
         let place = |offset: f64, spacing: f64, count: u32| {
-            (offset / spacing + 0.5 * f64::from(count - 1)).round().clamp(0.0, f64::from(count - 1)) as u32
+            // Rounded to the nearest place; the cast stops at 0 from below.
+            ((offset / spacing + 0.5 * f64::from(count - 1) + 0.5) as u32).min(count - 1)
         };
         let column = place(local.x, targets.column_spacing_m, targets.columns);
         let row = place(local.y, targets.row_spacing_m, targets.rows);
-        let centre = mark_centre(targets, column, row);
-        let mark = self.marks.iter().find(|mark| mark.centre == centre)?;
-        Some((mark, along_right(at, centre.east, centre.north, targets.heading_deg)))
+        let mark = &self.marks[self.places[(row * targets.columns + column) as usize]?];
+        Some((mark, local - self.target_axes.local(mark.centre)))
     }
 
     fn mark_colour(&self, at: ScenePoint) -> Option<Rgb> {
@@ -254,37 +272,39 @@ impl Painting {
     fn farmland(&self, at: ScenePoint, footprint: f64) -> Rgb {
         let seed = self.seed;
         // Field axes: `across` counts columns of fields, `along` runs along their borders; both gently bent.
-        let flat = along_right(at, 0.0, 0.0, self.scene.field_direction_deg);
+        let flat = self.field_axes.local(at);
         let bend = |seed: u64| 7.0 * smooth(seed, flat.x / 330.0, flat.y / 330.0);
         let place = Vector2::new(flat.y + bend(seed ^ 41), flat.x + bend(seed ^ 42));
         let parcel = self.parcel(place);
         let kind = fraction(parcel.identity.rotate_left(9));
         let crop = &CROPS[((kind * kind.sqrt().sqrt() * 10.0) as usize).min(9)];
 
-        let colour = self.crop_colour(crop, &parcel, place, footprint);
-        let rough = fractal(seed ^ 43, place.x, place.y, 6.0, 4, footprint);
-        let grass = blend(rgb(GRASS), rgb(DRY_GRASS), 0.4 + 0.9 * rough);
-        let margin = if crop.trees == Trees::Wood { 0.0 } else { 1.1 + 0.6 * rough };
-        let mut colour = blend(colour, grass, coverage(margin - parcel.to_border, footprint));
-
-        for (border, distance) in [(parcel.column, parcel.from_left), (parcel.column + 1, parcel.from_right)] {
-            if self.border_kind(border) == Border::Track && distance.abs() < 8.0 {
-                colour = blend(colour, grass, coverage(3.4 + 0.5 * rough - distance, footprint));
-                colour = blend(colour, self.rut_colour(rough), self.ruts(distance, footprint));
-            }
-        }
-        let winding = place.x - 0.8 * self.scene.field_size_m
+        let mut colour = self.crop_colour(crop, &parcel, place, footprint);
+        let winding = place.x
+            - 0.8 * self.scene.field_size_m
             - 46.0 * (place.y / 210.0 + 1.0).sin()
             - 14.0 * (place.y / 83.0).sin();
-        if winding.abs() < 8.0 {
-            colour = blend(colour, grass, coverage(3.9 + 0.7 * rough - winding.abs(), footprint));
-            colour = blend(colour, self.rut_colour(rough), self.ruts(winding.abs(), footprint));
+        let mut to_track = winding.abs();
+        for (border, distance) in [(parcel.column, parcel.from_left), (parcel.column + 1, parcel.from_right)] {
+            if distance < to_track && self.border_kind(border) == Border::Track {
+                to_track = distance;
+            }
+        }
+        if parcel.to_border.min(to_track - 2.0) < 4.0 + footprint {
+            let rough = fractal(seed ^ 43, place.x, place.y, 6.0, 4, footprint);
+            let grass = blend(rgb(GRASS), rgb(DRY_GRASS), 0.4 + 0.9 * rough);
+            let margin = if crop.trees == Trees::Wood { 0.0 } else { 1.1 + 0.6 * rough };
+            colour = blend(colour, grass, coverage(margin - parcel.to_border, footprint));
+            colour = blend(colour, grass, coverage(3.7 + 0.6 * rough - to_track, footprint));
+            let ruts = line_coverage(to_track - HALF_AXLE_M, RUT_M, footprint);
+            colour = blend(colour, rgb(EARTH) * (1.0 + 0.08 * rough), ruts);
         }
 
-        let sun = along_right(ScenePoint { east: self.sun.x, north: self.sun.y }, 0.0, 0.0, self.scene.field_direction_deg);
-        let sun = Vector2::new(sun.y, sun.x);
-        let (shadow, _) = self.crown(crop, &parcel, place + sun * SHADOW_M, sun, footprint);
-        let (share, shade) = self.crown(crop, &parcel, place, sun, footprint);
+        let (shadow, _) = self.crown(crop, &parcel, place + self.sun_in_field * SHADOW_M, footprint);
+        let (share, shade) = self.crown(crop, &parcel, place, footprint);
+        if share == 0.0 {
+            return colour * (1.0 - 0.5 * shadow);
+        }
         let leaves = 1.0 + 0.25 * fractal(seed ^ 44, place.x, place.y, 2.0, 3, footprint);
         blend(colour * (1.0 - 0.5 * shadow), rgb(CROWN) * (shade * leaves), share)
     }
@@ -301,8 +321,8 @@ impl Painting {
             std::mem::swap(&mut across, &mut along);
         }
         let tone = 0.16 * (fraction(parcel.identity.rotate_left(23)) - 0.5);
-        let patches = fractal(self.seed ^ 51, place.x, place.y, 110.0, 5, footprint)
-            + 0.4 * fractal(seed, place.x, place.y, 30.0, 3, footprint);
+        let patches = fractal(self.seed ^ 51, place.x, place.y, 110.0, 4, footprint)
+            + 0.4 * fractal(seed, place.x, place.y, 30.0, 2, footprint);
         let rough = fractal(self.seed ^ 52, place.x, place.y, 4.0, 4, footprint);
         let period = self.scene.row_period_m;
         let wobble = 0.3 * smooth(seed ^ 2, across / 60.0, along / 60.0) * period;
@@ -321,15 +341,6 @@ impl Painting {
         colour
     }
 
-    fn rut_colour(&self, rough: f64) -> Rgb {
-        rgb(EARTH) * (1.0 + 0.08 * rough)
-    }
-
-    /// Two wheel ruts with a strip of grass between them.
-    fn ruts(&self, distance: f64, footprint: f64) -> f64 {
-        line_coverage(distance - 1.15, 1.3, footprint)
-    }
-
     fn border_kind(&self, border: i64) -> Border {
         match fraction(hash(self.seed ^ 61, border, 0)) {
             kind if kind < 0.4 => Border::Hedge,
@@ -339,7 +350,7 @@ impl Painting {
     }
 
     /// Coverage and brightness of the tree crown over a place.
-    fn crown(&self, crop: &Crop, parcel: &Parcel, place: Vector2<f64>, sun: Vector2<f64>, footprint: f64) -> (f64, f64) {
+    fn crown(&self, crop: &Crop, parcel: &Parcel, place: Vector2<f64>, footprint: f64) -> (f64, f64) {
         // The deepest point inside any crown wins: (depth, offset from the centre, radius).
         let mut best: Option<(f64, Vector2<f64>, f64)> = None;
         let mut offer = |centre: Vector2<f64>, radius: f64| {
@@ -354,7 +365,7 @@ impl Painting {
             if self.border_kind(border) != Border::Hedge || (place.x - axis).abs() > 6.0 {
                 continue;
             }
-            let cell = (place.y / 4.0).floor() as i64;
+            let cell = floor(place.y / 4.0);
             for index in cell - 1..=cell + 1 {
                 let random = hash(self.seed ^ 62, border, index);
                 if fraction(random) < 0.85 {
@@ -372,7 +383,7 @@ impl Painting {
             Trees::Wood => (6.5, 0.95, 3.2),
         };
         if chance > 0.0 {
-            let (column, row) = ((place.x / cell).floor() as i64, (place.y / cell).floor() as i64);
+            let (column, row) = (floor(place.x / cell), floor(place.y / cell));
             for column in column - 1..=column + 1 {
                 for row in row - 1..=row + 1 {
                     let random = hash(self.seed ^ 63, column, row);
@@ -386,11 +397,11 @@ impl Painting {
             }
         }
         match best {
-            Some((depth, offset, radius)) => {
+            Some((depth, offset, radius)) if depth > -2.0 => {
                 let ragged = 0.35 * smooth(self.seed ^ 64, place.x / 1.2, place.y / 1.2);
-                (coverage(depth + ragged, footprint.max(0.4)), 0.92 + 0.42 * offset.dot(&sun) / radius)
+                (coverage(depth + ragged, footprint.max(0.4)), 0.92 + 0.42 * offset.dot(&self.sun_in_field) / radius)
             }
-            None => (0.0, 1.0),
+            _ => (0.0, 1.0),
         }
     }
 
@@ -433,7 +444,7 @@ enum Border {
 
 /// The index whose border and next border enclose `value`, starting from a guess that is at most one off.
 fn between(guess: f64, border: impl Fn(i64) -> f64, value: f64) -> i64 {
-    let index = guess.floor() as i64;
+    let index = floor(guess);
     if value < border(index) {
         index - 1
     } else if value >= border(index + 1) {
@@ -443,18 +454,31 @@ fn between(guess: f64, border: impl Fn(i64) -> f64, value: f64) -> i64 {
     }
 }
 
-/// A scene point in axes along a heading (x) and to its right (y), from an origin.
-fn along_right(at: ScenePoint, east: f64, north: f64, heading_deg: f64) -> Vector2<f64> {
-    let (sin, cos) = heading_deg.to_radians().sin_cos();
-    let (east, north) = (at.east - east, at.north - north);
-    Vector2::new(east * sin + north * cos, east * cos - north * sin)
+/// Axes along a heading (x) and to its right (y) from an origin in the scene.
+struct Axes {
+    east: f64,
+    north: f64,
+    sin: f64,
+    cos: f64,
 }
 
-fn mark_centre(targets: &super::scenario::Targets, column: u32, row: u32) -> ScenePoint {
-    let along = (f64::from(column) - 0.5 * f64::from(targets.columns - 1)) * targets.column_spacing_m;
-    let right = (f64::from(row) - 0.5 * f64::from(targets.rows - 1)) * targets.row_spacing_m;
-    let (sin, cos) = targets.heading_deg.to_radians().sin_cos();
-    ScenePoint { east: targets.east_m + along * sin + right * cos, north: targets.north_m + along * cos - right * sin }
+impl Axes {
+    fn new(east: f64, north: f64, heading_deg: f64) -> Self {
+        let (sin, cos) = heading_deg.to_radians().sin_cos();
+        Self { east, north, sin, cos }
+    }
+
+    fn local(&self, at: ScenePoint) -> Vector2<f64> {
+        let (east, north) = (at.east - self.east, at.north - self.north);
+        Vector2::new(east * self.sin + north * self.cos, east * self.cos - north * self.sin)
+    }
+
+    fn scene(&self, along: f64, right: f64) -> ScenePoint {
+        ScenePoint {
+            east: self.east + along * self.sin + right * self.cos,
+            north: self.north + along * self.cos - right * self.sin,
+        }
+    }
 }
 
 fn rgb(colour: [u8; 3]) -> Rgb {

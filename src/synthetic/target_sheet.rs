@@ -14,6 +14,7 @@ use rand::prelude::*;
 use rand_chacha::ChaCha8Rng;
 
 use super::noise::fractal;
+use super::lens::Lens;
 use super::scenario::{Camera, Scenario};
 use super::stream;
 
@@ -54,7 +55,7 @@ pub(super) struct View {
 impl View {
     /// Views differ in the direction of their tilt by the golden angle and step through tilt and fill; each shifts
     /// the target to another part of the frame as far as it stays inside.
-    pub fn new(scenario: &Scenario, index: u32) -> Self {
+    pub fn new(scenario: &Scenario, lens: &Lens, index: u32) -> Self {
         let (photos, camera) = (&scenario.calibration, &scenario.camera);
         let mut random = ChaCha8Rng::seed_from_u64(scenario.seed);
         random.set_stream(stream::VIEWS + u64::from(index));
@@ -76,8 +77,8 @@ impl View {
         let mut view = Self { camera_from_target, origin_in_camera_mm: Vector3::zeros(), light };
         let mut shift = 1.0;
         loop {
-            view.place(camera, middle + aside * shift, fill);
-            if shift < 0.02 || view.is_inside(camera) {
+            view.place(&scenario.camera, middle + aside * shift, fill);
+            if shift < 0.02 || view.is_inside(lens) {
                 return view;
             }
             shift *= 0.85;
@@ -99,13 +100,14 @@ impl View {
         }
     }
 
-    fn is_inside(&self, camera: &Camera) -> bool {
+    fn is_inside(&self, lens: &Lens) -> bool {
+        let camera = lens.camera();
         (0..=20).all(|step| {
             let along = PATTERN_MM * f64::from(step) / 20.0;
             [(along, 0.0), (along, PATTERN_MM), (0.0, along), (PATTERN_MM, along)].into_iter().all(|(x, y)| {
                 let ideal = self.ideal(Vector2::new(x, y));
-                let pixel = camera.pixel_from_ideal(ideal);
-                camera.is_single_valued(ideal)
+                let pixel = lens.pixel_from_ideal(ideal);
+                lens.is_well_inside(ideal)
                     && pixel.x > CLEAR_PX
                     && pixel.x < f64::from(camera.width_px) - 1.0 - CLEAR_PX
                     && pixel.y > CLEAR_PX
@@ -131,7 +133,7 @@ impl View {
     }
 
     /// The 192 corners of the full squares, squares row by row.
-    pub fn corners(&self, camera: &Camera) -> Vec<TargetCorner> {
+    pub fn corners(&self, lens: &Lens) -> Vec<TargetCorner> {
         let mut corners = Vec::with_capacity(192);
         for square_row in 0..SQUARES {
             for square_column in 0..SQUARES {
@@ -143,7 +145,7 @@ impl View {
                         f64::from(square_column) * PITCH_MM + dx * SIDE_MM,
                         f64::from(square_row) * PITCH_MM + dy * SIDE_MM,
                     );
-                    let pixel = camera.pixel_from_ideal(self.ideal(at));
+                    let pixel = lens.pixel_from_ideal(self.ideal(at));
                     corners.push(TargetCorner {
                         square_row,
                         square_column,
@@ -161,8 +163,13 @@ impl View {
 
     /// Whether an edge of pattern or paper may lie within `reach_mm`.
     pub fn has_edge(at_mm: Vector2<f64>, reach_mm: f64) -> bool {
-        let (low, high) = (-MARGIN_MM - reach_mm, PATTERN_MM + MARGIN_MM + reach_mm);
-        at_mm.iter().all(|v| (low..high).contains(v))
+        let sheet = (at_mm.add_scalar(-0.5 * PATTERN_MM)).abs().max() - 0.5 * PATTERN_MM - MARGIN_MM;
+        let line = |v: f64| {
+            let within = v.rem_euclid(PITCH_MM);
+            within < reach_mm || (within - SIDE_MM).abs() < reach_mm || PITCH_MM - within < reach_mm
+        };
+        let hollow = at_mm.abs().max() < SIDE_MM;
+        sheet.abs() < reach_mm || (sheet < 0.0 && (hollow || line(at_mm.x) || line(at_mm.y)))
     }
 
     /// Brightness at a target point, in [0, 1], with ideal hard edges on the paper.
@@ -192,13 +199,13 @@ mod tests {
     #[test]
     fn every_view_is_tilted_as_asked_and_lies_inside_the_frame() {
         let scenario = Scenario::demo();
-        let camera = &scenario.camera;
+        let lens = Lens::new(&scenario.camera);
         for index in 0..scenario.calibration.views {
-            let view = View::new(&scenario, index);
-            assert!(view.is_inside(camera), "view {index}");
+            let view = View::new(&scenario, &lens, index);
+            assert!(view.is_inside(&lens), "view {index}");
             let tilt = view.camera_from_target[(2, 2)].acos().to_degrees();
             assert!((15.0..=45.0).contains(&tilt), "{tilt}");
-            let corners = view.corners(camera);
+            let corners = view.corners(&lens);
             assert_eq!(corners.len(), 192);
             let rows = corners.iter().map(|corner| corner.row);
             let height = rows.clone().fold(f64::MIN, f64::max) - rows.fold(f64::MAX, f64::min);
@@ -209,9 +216,10 @@ mod tests {
     #[test]
     fn corners_and_plane_intersection_are_inverse() {
         let scenario = Scenario::demo();
-        let view = View::new(&scenario, 2);
-        for corner in view.corners(&scenario.camera) {
-            let ideal = scenario.camera.ideal_from_pixel(corner.column, corner.row).unwrap();
+        let lens = Lens::new(&scenario.camera);
+        let view = View::new(&scenario, &lens, 2);
+        for corner in view.corners(&lens) {
+            let ideal = lens.ideal_from_pixel(corner.column, corner.row).unwrap();
             let back = view.target_from_ideal(ideal).unwrap();
             assert!((back - Vector2::new(corner.x_mm, corner.y_mm)).norm() < 1e-6);
         }
@@ -219,7 +227,8 @@ mod tests {
 
     #[test]
     fn the_pattern_has_a_hollow_first_square() {
-        let view = View::new(&Scenario::demo(), 0);
+        let scenario = Scenario::demo();
+        let view = View::new(&scenario, &Lens::new(&scenario.camera), 0);
         let black = |x: f64, y: f64| view.brightness(Vector2::new(x, y), 0.1) < 0.2;
         assert!(black(1.0, 1.0) && black(14.9, 7.0) && !black(7.85, 7.85) && !black(3.5, 3.5));
         assert!(black(PITCH_MM + 7.85, 7.85) && !black(SIDE_MM + 7.85, 7.85) && !black(-5.0, 40.0));

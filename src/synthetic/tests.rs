@@ -140,13 +140,13 @@ fn target_photos_match_their_corners() {
     let survey = Survey::new(&scenario).unwrap();
     for index in [0, 3] {
         let photo = survey.render_target_photo(index);
-        let view = View::new(survey.scenario(), index);
+        let view = View::new(survey.scenario(), &survey.lens, index);
         let corners = survey.target_corners(index);
         for square in corners.chunks(4).step_by(5) {
             let side = square[1].x_mm - square[0].x_mm;
             let pixel = |x: f64| {
                 let at = Vector2::new(square[0].x_mm + x * side, square[0].y_mm + 0.5 * side);
-                survey.scenario.camera.pixel_from_ideal(view.ideal(at))
+                survey.lens.pixel_from_ideal(view.ideal(at))
             };
             let light = |x: f64| bilinear(&photo, pixel(x).x, pixel(x).y);
             // Half of the square's inside and half of the gap to its right: the edge lies at 1.
