@@ -9,6 +9,7 @@ pub mod elevation;
 pub mod files;
 pub mod geoid;
 pub mod log;
+pub mod survey;
 pub mod table;
 
 use std::ops::Range;

@@ -2,6 +2,7 @@
 
 pub mod context;
 pub mod georeference;
+pub mod simulate;
 
 pub use context::{
     ErrorClass, FrameStatus, NoProgress, Progress, RunContext, Stage, StageError, StageRecord, TaskProgress,
