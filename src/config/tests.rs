@@ -173,7 +173,7 @@ fn a_full_pipeline_is_resolved_to_si_units_and_paths_from_its_folder() {
     let HeightReference::AboveTakeoff(takeoff) = height.datum else { panic!("above take-off") };
     assert_eq!((takeoff.metres, takeoff.datum), (251.0, VerticalDatum::Egm96));
     let attitude = georeference.log.attitude.as_ref().unwrap();
-    assert!((attitude.yaw.clockwise(30.0).to_degrees() - 60.0).abs() < 1e-12);
+    assert!((attitude.yaw.clockwise(30.0) - std::f64::consts::FRAC_PI_3).abs() < 1e-12);
     assert_eq!(attitude.yaw.reference(), YawReference::TrueNorth);
     assert!(attitude.pitch.factor < 0.0);
     assert_eq!(attitude.roll.factor, 1.0);
@@ -540,7 +540,7 @@ fn overrides_replace_add_and_are_read_as_text_when_not_toml() {
     .unwrap();
     assert_eq!(config.mosaic.as_ref().unwrap().gsd_m.as_ref().unwrap().value, 0.35);
     assert_eq!(config.run.seed, 99);
-    assert!((config.georeference.unwrap().max_off_nadir_rad.unwrap().to_degrees() - 60.0).abs() < 1e-12);
+    assert!((config.georeference.unwrap().max_off_nadir_rad.unwrap() - std::f64::consts::FRAC_PI_3).abs() < 1e-12);
     let config = read_with(SHORT, &["mosaic={}", "mosaic.blend=none"]).unwrap();
     assert_eq!(config.mosaic.unwrap().blend, mosaic::Blend::None);
     let config = read_with(FULL, &["calibrate.photos=[\"a\", \"b\"]"]).unwrap();
