@@ -28,8 +28,8 @@ use rayon::prelude::*;
 pub use earth::GeodeticPosition;
 pub use flight::{Attitude, LogRow, TrueFrame};
 pub use scenario::{
-    Adahrs, CalibrationPhotos, Camera, Flight, Mounting, Photo, Relief, ReliefShape, Runway, Scenario, Scene, Site,
-    Targets,
+    Adahrs, CalibrationPhotos, Camera, Flight, Mounting, Photo, Relief, ReliefShape, Runway, Scenario, Scene,
+    Site, Targets,
 };
 pub use target_sheet::TargetCorner;
 
@@ -105,7 +105,8 @@ impl RunwayOutline {
     /// The same points with the names they have in observations and tables.
     pub fn points(&self) -> Vec<(String, GeodeticPosition)> {
         let ends = self.ends.iter().enumerate().map(|(index, at)| (format!("runway-end-{}", index + 1), *at));
-        let corners = self.corners.iter().enumerate().map(|(index, at)| (format!("runway-corner-{}", index + 1), *at));
+        let corners =
+            self.corners.iter().enumerate().map(|(index, at)| (format!("runway-corner-{}", index + 1), *at));
         ends.chain(corners).collect()
     }
 }
@@ -246,7 +247,12 @@ impl Survey {
                     .ground_from_pixel(frame, column, row)
                     .is_some_and(|seen| (seen.ecef() - point.ecef()).norm() < 1e-3);
                 if inside && in_sight {
-                    observations.push(Observation { point: name.clone(), frame: frame.name.clone(), column, row });
+                    observations.push(Observation {
+                        point: name.clone(),
+                        frame: frame.name.clone(),
+                        column,
+                        row,
+                    });
                 }
             }
         }
@@ -334,11 +340,9 @@ impl Survey {
             .enumerate()
             .flat_map_iter(|(row, rays)| {
                 let view = &view;
-                rays.iter()
-                    .enumerate()
-                    .map(move |(column, ray)| {
-                        ray.map(|ray| [sheet_light(view, &self.lens, column as f64, row as f64, ray) as f32])
-                    })
+                rays.iter().enumerate().map(move |(column, ray)| {
+                    ray.map(|ray| [sheet_light(view, &self.lens, column as f64, row as f64, ray) as f32])
+                })
             })
             .collect();
         let mut light = Light { width, pixels };
@@ -358,7 +362,10 @@ fn sheet_light(view: &View, lens: &Lens, column: f64, row: f64, ideal: Vector2<f
         if let (Some(a), Some(b), Some(c), Some(d)) =
             (corner(-0.5, -0.5), corner(0.5, -0.5), corner(-0.5, 0.5), corner(0.5, 0.5))
         {
-            return mean_over_pixel(SHEET_SAMPLES, &[a, b, c, d], |at| Rgb::repeat(view.brightness(at, footprint))).x;
+            return mean_over_pixel(SHEET_SAMPLES, &[a, b, c, d], |at| {
+                Rgb::repeat(view.brightness(at, footprint))
+            })
+            .x;
         }
     }
     view.brightness(at, footprint)
@@ -366,7 +373,11 @@ fn sheet_light(view: &View, lens: &Lens, column: f64, row: f64, ideal: Vector2<f
 
 /// Mean of lattice samples over the quadrilateral between four corners (upper left, upper right, lower left, lower
 /// right).
-fn mean_over_pixel([count, step]: [u32; 2], corners: &[Vector2<f64>; 4], value: impl Fn(Vector2<f64>) -> Rgb) -> Rgb {
+fn mean_over_pixel(
+    [count, step]: [u32; 2],
+    corners: &[Vector2<f64>; 4],
+    value: impl Fn(Vector2<f64>) -> Rgb,
+) -> Rgb {
     let part = |index: u32| (f64::from(index % count) + 0.5) / f64::from(count);
     let mut sum = Rgb::zeros();
     for index in 0..count {
@@ -377,7 +388,11 @@ fn mean_over_pixel([count, step]: [u32; 2], corners: &[Vector2<f64>; 4], value: 
     sum / f64::from(count)
 }
 
-fn image_from_bytes<P: image::Pixel<Subpixel = u8>>(width: u32, height: u32, bytes: &[u8]) -> image::ImageBuffer<P, Vec<u8>> {
+fn image_from_bytes<P: image::Pixel<Subpixel = u8>>(
+    width: u32,
+    height: u32,
+    bytes: &[u8],
+) -> image::ImageBuffer<P, Vec<u8>> {
     let channels = usize::from(P::CHANNEL_COUNT);
     image::ImageBuffer::from_fn(width, height, |column, row| {
         let start = (row as usize * width as usize + column as usize) * channels;

@@ -20,9 +20,9 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use gdal::{DriverManager, Metadata};
 use gdal::raster::{Buffer, RasterCreationOptions};
 use gdal::spatial_ref::{AxisMappingStrategy, SpatialRef};
+use gdal::{DriverManager, Metadata};
 use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -171,8 +171,9 @@ fn write_tables(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteE
     let logged = frames.iter().map(|frame| [vec![frame.name.clone()], pose(&frame.logged)].concat());
     folder.table("log.csv", &[&["file"][..], &POSE].concat(), logged)?;
     folder.table("track.csv", &POSE, survey.track().iter().map(pose))?;
-    let truth =
-        frames.iter().map(|frame| [vec![frame.name.clone()], pose(&frame.truth), position(&frame.camera)].concat());
+    let truth = frames
+        .iter()
+        .map(|frame| [vec![frame.name.clone()], pose(&frame.truth), position(&frame.camera)].concat());
     let camera = ["camera_latitude_deg", "camera_longitude_deg", "camera_height_ellipsoid_m"];
     folder.table("truth.csv", &[&["file"][..], &POSE, &camera].concat(), truth)?;
 
@@ -208,7 +209,11 @@ fn write_tables(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteE
     Ok(())
 }
 
-fn write_observations(folder: &mut Folder, name: &str, seen: Vec<Observation>) -> Result<(), SurveyWriteError> {
+fn write_observations(
+    folder: &mut Folder,
+    name: &str,
+    seen: Vec<Observation>,
+) -> Result<(), SurveyWriteError> {
     let rows = seen
         .into_iter()
         .map(|seen| vec![seen.point, seen.frame, format!("{:.4}", seen.column), format!("{:.4}", seen.row)]);
@@ -217,14 +222,19 @@ fn write_observations(folder: &mut Folder, name: &str, seen: Vec<Observation>) -
 
 /// Ten decimals of a degree are a hundredth of a millimetre.
 fn position(at: &GeodeticPosition) -> Vec<String> {
-    vec![format!("{:.10}", at.latitude_deg), format!("{:.10}", at.longitude_deg), format!("{:.5}", at.height_m)]
+    vec![
+        format!("{:.10}", at.latitude_deg),
+        format!("{:.10}", at.longitude_deg),
+        format!("{:.5}", at.height_m),
+    ]
 }
 
 fn pose(row: &LogRow) -> Vec<String> {
     let mut cells = vec![format!("{:.6}", row.time_s)];
     cells.extend(position(&row.antenna));
     let attitude = &row.attitude;
-    cells.extend([attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg].map(|angle| format!("{angle:.8}")));
+    cells
+        .extend([attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg].map(|angle| format!("{angle:.8}")));
     cells.push(format!("{:.3}", row.ground_speed_m_s));
     cells
 }
@@ -244,19 +254,28 @@ fn write_dem(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteErro
 
     let options = RasterCreationOptions::from_iter(["TILED=YES", "COMPRESS=DEFLATE", "PREDICTOR=3"]);
     let driver = DriverManager::get_driver_by_name("GTiff").map_err(wrap)?;
-    let mut dem = driver.create_with_band_type_with_options::<f32, _>(&path, columns, rows, 1, &options).map_err(wrap)?;
+    let mut dem = driver
+        .create_with_band_type_with_options::<f32, _>(&path, columns, rows, 1, &options)
+        .map_err(wrap)?;
     let mut crs = SpatialRef::from_epsg(4326).map_err(wrap)?;
     crs.set_axis_mapping_strategy(AxisMappingStrategy::TraditionalGisOrder);
     dem.set_spatial_ref(&crs).map_err(wrap)?;
     // The first height stands in the middle of the first cell.
-    dem.set_geo_transform(&[west - 0.5 * column_step, column_step, 0.0, north + 0.5 * row_step, 0.0, -row_step])
-        .map_err(wrap)?;
+    dem.set_geo_transform(&[
+        west - 0.5 * column_step,
+        column_step,
+        0.0,
+        north + 0.5 * row_step,
+        0.0,
+        -row_step,
+    ])
+    .map_err(wrap)?;
     let mut band = dem.rasterband(1).map_err(wrap)?;
     band.set_description("height above the WGS 84 ellipsoid, metres").map_err(wrap)?;
     for row in 0..rows {
         let latitude_deg = north - row as f64 * row_step;
-        let heights =
-            (0..columns).map(|column| survey.ground_height(latitude_deg, west + column as f64 * column_step) as f32);
+        let heights = (0..columns)
+            .map(|column| survey.ground_height(latitude_deg, west + column as f64 * column_step) as f32);
         let mut heights = Buffer::new((columns, 1), heights.collect());
         band.write((0, row as isize), (columns, 1), &mut heights).map_err(wrap)?;
     }

@@ -57,9 +57,7 @@ impl TileGround {
         let project = |positions: &[(f64, f64)]| -> Result<Vec<Geodetic>, ProjectionError> {
             let map: Vec<MapPoint> = positions
                 .iter()
-                .map(|(c, r)| {
-                    grid.map_from_pixel(window.column as f64 + c, window.row as f64 + r)
-                })
+                .map(|(c, r)| grid.map_from_pixel(window.column as f64 + c, window.row as f64 + r))
                 .collect();
             projection.geodetic_from_map(&map)
         };
@@ -68,28 +66,14 @@ impl TileGround {
             let patch = side as f64 / patches as f64;
             let at = |count: usize, offset: f64, step: f64| {
                 (0..count * count)
-                    .map(|i| {
-                        (
-                            offset + step * (i % count) as f64,
-                            offset + step * (i / count) as f64,
-                        )
-                    })
+                    .map(|i| (offset + step * (i % count) as f64, offset + step * (i / count) as f64))
                     .collect::<Vec<_>>()
             };
             let exact = project(&at(2 * patches + 1, 0.0, 0.5 * patch))?;
             let first_longitude = exact[0].longitude.get();
             let nodes: Vec<Node> = exact.iter().map(|g| node(g, first_longitude)).collect();
-            let pixel_m = (nodes[1].fixed_rows::<3>(0) - nodes[0].fixed_rows::<3>(0)).norm()
-                / (0.5 * patch);
-            let ground = Self {
-                patch,
-                patches,
-                nodes,
-                first_longitude,
-                side,
-                heights: Vec::new(),
-                pixel_m,
-            };
+            let pixel_m = (nodes[1].fixed_rows::<3>(0) - nodes[0].fixed_rows::<3>(0)).norm() / (0.5 * patch);
+            let ground = Self { patch, patches, nodes, first_longitude, side, heights: Vec::new(), pixel_m };
             let checks = at(2 * patches, 0.25 * patch, 0.5 * patch);
             let worst = project(&checks)?
                 .iter()
@@ -118,11 +102,7 @@ impl TileGround {
         let along = |at: f64| {
             let index = ((at / self.patch) as usize).min(self.patches - 1);
             let t = 2.0 * (at / self.patch - index as f64);
-            let weights = [
-                0.5 * (t - 1.0) * (t - 2.0),
-                t * (2.0 - t),
-                0.5 * t * (t - 1.0),
-            ];
+            let weights = [0.5 * (t - 1.0) * (t - 2.0), t * (2.0 - t), 0.5 * t * (t - 1.0)];
             (2 * index, weights)
         };
         let (c0, by_column) = along(column);
@@ -145,19 +125,13 @@ impl TileGround {
     /// Surface point and up vector at a pixel.
     pub(super) fn surface(&self, column: usize, row: usize) -> (Vector3<f64>, Vector3<f64>) {
         let node = self.interpolate(column as f64, row as f64);
-        (
-            node.fixed_rows::<3>(0).into_owned(),
-            node.fixed_rows::<3>(3).into_owned(),
-        )
+        (node.fixed_rows::<3>(0).into_owned(), node.fixed_rows::<3>(3).into_owned())
     }
 
     /// Makes a terrain known to the tile; frames that share one share its heights.
     pub(super) fn terrain(&mut self, terrain: &Arc<dyn Terrain>) -> TerrainIndex {
         let address = |t: &Arc<dyn Terrain>| Arc::as_ptr(t).cast::<()>();
-        let known = self
-            .heights
-            .iter()
-            .position(|(t, _)| address(t) == address(terrain));
+        let known = self.heights.iter().position(|(t, _)| address(t) == address(terrain));
         TerrainIndex(known.unwrap_or_else(|| {
             let field = if terrain.spacing().is_none() {
                 HeightField::Constant(terrain.height_range().1)
@@ -170,11 +144,7 @@ impl TileGround {
     }
 
     /// Finds the heights of a terrain at pixels, in one batch.
-    pub(super) fn prepare(
-        &mut self,
-        terrain: TerrainIndex,
-        pixels: impl Iterator<Item = (usize, usize)>,
-    ) {
+    pub(super) fn prepare(&mut self, terrain: TerrainIndex, pixels: impl Iterator<Item = (usize, usize)>) {
         let side = self.side;
         let HeightField::Sampled(known) = &mut self.heights[terrain.0].1 else {
             return;
@@ -229,14 +199,5 @@ fn node(g: &Geodetic, first_longitude: f64) -> Node {
     let surface = WGS84.ecef_from_geodetic(&g.at_height(0.0)).vector();
     let up = g.up().vector();
     let longitude = Radians::new(g.longitude.get() - first_longitude).wrapped();
-    Node::from([
-        surface.x,
-        surface.y,
-        surface.z,
-        up.x,
-        up.y,
-        up.z,
-        g.latitude.get(),
-        longitude.get(),
-    ])
+    Node::from([surface.x, surface.y, surface.z, up.x, up.y, up.z, g.latitude.get(), longitude.get()])
 }

@@ -30,10 +30,7 @@ pub(super) struct FramePoint {
 
 impl FramePoint {
     fn middle(a: &Self, b: &Self) -> Self {
-        Self {
-            column: 0.5 * (a.column + b.column),
-            row: 0.5 * (a.row + b.row),
-        }
+        Self { column: 0.5 * (a.column + b.column), row: 0.5 * (a.row + b.row) }
     }
     fn off(&self, other: &Self) -> f64 {
         (self.column - other.column).hypot(self.row - other.row)
@@ -86,10 +83,7 @@ enum Verdict {
 
 impl Nine {
     fn verdict(&self, (width, height): (f64, f64)) -> Verdict {
-        let mut seen = [FramePoint {
-            column: 0.0,
-            row: 0.0,
-        }; 9];
+        let mut seen = [FramePoint { column: 0.0, row: 0.0 }; 9];
         for (slot, point) in seen.iter_mut().zip(&self.0) {
             match point {
                 Some(point) => *slot = *point,
@@ -116,11 +110,7 @@ impl Nine {
             .max(l.off(&FramePoint::middle(&ul, &ll)))
             .max(r.off(&FramePoint::middle(&ur, &lr)))
             .max(c.off(&FramePoint::middle(&upper, &lower)));
-        if worst <= CHECK_TOLERANCE_PX {
-            Verdict::Interpolate([ul, ur, ll, lr])
-        } else {
-            Verdict::Divide
-        }
+        if worst <= CHECK_TOLERANCE_PX { Verdict::Interpolate([ul, ur, ll, lr]) } else { Verdict::Divide }
     }
 }
 
@@ -135,10 +125,7 @@ impl Mapper<'_> {
         let height = self.ground.height(self.terrain, column, row)?;
         let point = raised(&self.ground.surface(column, row), height);
         let pixel = self.frame.pixel_from_ecef(&point)?;
-        Some(FramePoint {
-            column: pixel.column,
-            row: pixel.row,
-        })
+        Some(FramePoint { column: pixel.column, row: pixel.row })
     }
 }
 
@@ -146,26 +133,15 @@ impl Mapper<'_> {
 ///
 /// Cells may stick out over `part` and the tile; the caller clips. Cells and pixels that cannot lie on the
 /// image are left out, those that may are kept: the caller still tests each pixel.
-pub(super) fn map_frame(
-    ground: &mut TileGround,
-    frame: &GeoreferencedFrame,
-    part: &Window,
-) -> FrameMap {
+pub(super) fn map_frame(ground: &mut TileGround, frame: &GeoreferencedFrame, part: &Window) -> FrameMap {
     let terrain = ground.terrain(&frame.ground);
     let start = frame.ground.spacing().map_or(CELL, |spacing| {
         let posting_px = spacing / ground.pixel_m;
-        [CELL, CELL / 2, SMALLEST_CELL]
-            .into_iter()
-            .find(|cell| *cell as f64 <= posting_px)
-            .unwrap_or(1)
+        [CELL, CELL / 2, SMALLEST_CELL].into_iter().find(|cell| *cell as f64 <= posting_px).unwrap_or(1)
     });
     let size = frame.stored_size();
     let size = (f64::from(size.0), f64::from(size.1));
-    let mut mapper = Mapper {
-        ground,
-        terrain,
-        frame,
-    };
+    let mut mapper = Mapper { ground, terrain, frame };
     let mut map = FrameMap::default();
     // Squares that are still to be judged, all of one size.
     let mut squares: Vec<(usize, usize)> = Vec::new();
@@ -183,12 +159,9 @@ pub(super) fn map_frame(
         for (square, nine) in squares.iter().zip(nodes) {
             match nine.verdict(size) {
                 Verdict::Skip => {}
-                Verdict::Interpolate(corners) if may_interpolate => map.cells.push(Cell {
-                    column: square.0,
-                    row: square.1,
-                    side,
-                    corners,
-                }),
+                Verdict::Interpolate(corners) if may_interpolate => {
+                    map.cells.push(Cell { column: square.0, row: square.1, side, corners })
+                }
                 Verdict::Interpolate(_) | Verdict::Divide => divided.push(*square),
             }
         }
@@ -205,24 +178,21 @@ pub(super) fn map_frame(
         side /= 2;
     }
     let inside = |(c, r): &(usize, usize)| {
-        (part.column..part.column + part.width).contains(c)
-            && (part.row..part.row + part.height).contains(r)
+        (part.column..part.column + part.width).contains(c) && (part.row..part.row + part.height).contains(r)
     };
     let pixels: Vec<(usize, usize)> = squares
         .iter()
         .flat_map(|(c, r)| {
-            (0..SMALLEST_CELL * SMALLEST_CELL)
-                .map(move |i| (c + i % SMALLEST_CELL, r + i / SMALLEST_CELL))
+            (0..SMALLEST_CELL * SMALLEST_CELL).map(move |i| (c + i % SMALLEST_CELL, r + i / SMALLEST_CELL))
         })
         .filter(inside)
         .collect();
     mapper.ground.prepare(terrain, pixels.iter().copied());
-    map.pixels
-        .extend(pixels.into_iter().filter_map(|(column, row)| {
-            mapper
-                .exact(column, row)
-                .map(|at| ExactPixel { column, row, at })
-        }));
+    map.pixels.extend(
+        pixels
+            .into_iter()
+            .filter_map(|(column, row)| mapper.exact(column, row).map(|at| ExactPixel { column, row, at })),
+    );
     map
 }
 
@@ -242,10 +212,7 @@ impl Mapper<'_> {
                 points.push((c, r));
             }
         }
-        self.ground.prepare(
-            self.terrain,
-            points.iter().map(|(c, r)| (c * half, r * half)),
-        );
+        self.ground.prepare(self.terrain, points.iter().map(|(c, r)| (c * half, r * half)));
         let mut lattice = vec![None; stride * stride];
         for (c, r) in points {
             lattice[r * stride + c] = self.exact(c * half, r * half);

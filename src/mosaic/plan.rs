@@ -1,7 +1,7 @@
 //! What will be rendered: the grid, its tiles, and which frames may touch which tile.
 
-use crate::georeference::GeoreferencedFrame;
 use crate::geodesy::{MapPoint, MapProjection, ProjectionError};
+use crate::georeference::GeoreferencedFrame;
 use crate::raster::{GridTransform, Kernel};
 use std::sync::Arc;
 
@@ -40,12 +40,8 @@ impl MapBounds {
     #[must_use]
     pub fn around(points: &[MapPoint]) -> Option<Self> {
         let first = points.first()?;
-        let start = Self {
-            west: first.easting,
-            south: first.northing,
-            east: first.easting,
-            north: first.northing,
-        };
+        let start =
+            Self { west: first.easting, south: first.northing, east: first.easting, north: first.northing };
         Some(points.iter().fold(start, |b, p| Self {
             west: b.west.min(p.easting),
             south: b.south.min(p.northing),
@@ -74,12 +70,7 @@ impl MapBounds {
         self.north - self.south
     }
     fn widened(&self, by: f64) -> Self {
-        Self {
-            west: self.west - by,
-            south: self.south - by,
-            east: self.east + by,
-            north: self.north + by,
-        }
+        Self { west: self.west - by, south: self.south - by, east: self.east + by, north: self.north + by }
     }
 }
 
@@ -259,10 +250,7 @@ impl MosaicPlan {
         let canvas = canvas(&frames, settings.bounds.as_ref(), cell)?;
         let width = (canvas.width() / cell).round() as usize;
         let height = (canvas.height() / cell).round() as usize;
-        let corner = MapPoint {
-            easting: canvas.west,
-            northing: canvas.north,
-        };
+        let corner = MapPoint { easting: canvas.west, northing: canvas.north };
         let mut plan = Self {
             frames,
             projection,
@@ -290,9 +278,8 @@ impl MosaicPlan {
                     width: TILE.min(self.width - column),
                     height: TILE.min(self.height - row),
                 };
-                let frames = (0..self.frames.len())
-                    .filter(|i| self.pixels_of(*i, &window).is_some())
-                    .collect();
+                let frames =
+                    (0..self.frames.len()).filter(|i| self.pixels_of(*i, &window).is_some()).collect();
                 tiles.push(Tile { window, frames });
             }
         }
@@ -302,14 +289,8 @@ impl MosaicPlan {
     /// The part of a window that a frame can reach.
     pub(super) fn pixels_of(&self, frame: usize, window: &Window) -> Option<Window> {
         let reach = &self.frames[frame].reach;
-        let (west, north) = self.grid.pixel_from_map(MapPoint {
-            easting: reach.west,
-            northing: reach.north,
-        });
-        let (east, south) = self.grid.pixel_from_map(MapPoint {
-            easting: reach.east,
-            northing: reach.south,
-        });
+        let (west, north) = self.grid.pixel_from_map(MapPoint { easting: reach.west, northing: reach.north });
+        let (east, south) = self.grid.pixel_from_map(MapPoint { easting: reach.east, northing: reach.south });
         let clip = |low: f64, high: f64, first: usize, count: usize| {
             let low = low.ceil().max(first as f64);
             let high = high.floor().min((first + count) as f64 - 1.0);
@@ -317,12 +298,7 @@ impl MosaicPlan {
         };
         let (column, width) = clip(west, east, window.column, window.width)?;
         let (row, height) = clip(north, south, window.row, window.height)?;
-        Some(Window {
-            column,
-            row,
-            width,
-            height,
-        })
+        Some(Window { column, row, width, height })
     }
 
     /// Tile indices in an order in which neighbours follow each other, so that a frame once decoded serves
@@ -330,24 +306,13 @@ impl MosaicPlan {
     #[must_use]
     pub fn order(&self) -> Vec<usize> {
         let (columns, rows) = (self.width.div_ceil(TILE), self.height.div_ceil(TILE));
-        let (strokes, length, along_rows) = if columns <= rows {
-            (rows, columns, true)
-        } else {
-            (columns, rows, false)
-        };
+        let (strokes, length, along_rows) =
+            if columns <= rows { (rows, columns, true) } else { (columns, rows, false) };
         (0..strokes)
             .flat_map(|stroke| {
                 (0..length).map(move |step| {
-                    let step = if stroke % 2 == 0 {
-                        step
-                    } else {
-                        length - 1 - step
-                    };
-                    if along_rows {
-                        stroke * columns + step
-                    } else {
-                        step * columns + stroke
-                    }
+                    let step = if stroke % 2 == 0 { step } else { length - 1 - step };
+                    if along_rows { stroke * columns + step } else { step * columns + stroke }
                 })
             })
             .collect()
@@ -355,18 +320,11 @@ impl MosaicPlan {
 }
 
 impl PlannedFrame {
-    fn new(
-        frame: GeoreferencedFrame,
-        projection: &dyn MapProjection,
-        cell: f64,
-    ) -> Result<Self, PlanError> {
+    fn new(frame: GeoreferencedFrame, projection: &dyn MapProjection, cell: f64) -> Result<Self, PlanError> {
         let on_map = |positions: &[_]| {
             projection
                 .map_from_geodetic(positions)
-                .map_err(|source| PlanError::Projection {
-                    frame: frame.name.clone(),
-                    source,
-                })
+                .map_err(|source| PlanError::Projection { frame: frame.name.clone(), source })
         };
         let corners: Vec<_> = frame.footprint.outline.iter().map(|v| v.position).collect();
         let outline = on_map(&corners)?;
@@ -389,12 +347,7 @@ impl PlannedFrame {
         // The outline is a polygon through points of a curve: a hundredth of its size covers the bulges.
         let margin = 2.0 * cell + 0.01 * reach.width().max(reach.height());
         let area = area(&outline);
-        Ok(Self {
-            reach: reach.widened(margin),
-            outline,
-            area,
-            frame,
-        })
+        Ok(Self { reach: reach.widened(margin), outline, area, frame })
     }
 
     fn extent(&self) -> MapBounds {
@@ -440,11 +393,7 @@ fn automatic_gsd_m(frames: &[GeoreferencedFrame]) -> Result<f64, PlanError> {
 }
 
 /// The rectangle to render, its sides at whole multiples of the cell.
-fn canvas(
-    frames: &[PlannedFrame],
-    bounds: Option<&MapBounds>,
-    cell: f64,
-) -> Result<MapBounds, PlanError> {
+fn canvas(frames: &[PlannedFrame], bounds: Option<&MapBounds>, cell: f64) -> Result<MapBounds, PlanError> {
     let seen = union(frames.iter()).ok_or(PlanError::NoFrames)?;
     let wanted = match bounds {
         None => seen,
@@ -504,7 +453,5 @@ fn canvas(
 }
 
 fn union<'a>(frames: impl Iterator<Item = &'a PlannedFrame>) -> Option<MapBounds> {
-    frames
-        .map(PlannedFrame::extent)
-        .reduce(|a, b| a.union(&b))
+    frames.map(PlannedFrame::extent).reduce(|a, b| a.union(&b))
 }

@@ -67,11 +67,7 @@ pub struct TilePixels {
 impl TilePixels {
     fn transparent(window: Window, channels: usize) -> Self {
         let pixels = window.width * window.height;
-        Self {
-            window,
-            planes: vec![vec![0; pixels]; channels],
-            alpha: vec![0; pixels],
-        }
+        Self { window, planes: vec![vec![0; pixels]; channels], alpha: vec![0; pixels] }
     }
     /// True when nothing is seen anywhere.
     #[must_use]
@@ -115,11 +111,7 @@ fn render<const CH: usize>(
         let Some(reach) = plan.pixels_of(index, &window) else {
             continue;
         };
-        let part = Window {
-            column: reach.column - window.column,
-            row: reach.row - window.row,
-            ..reach
-        };
+        let part = Window { column: reach.column - window.column, row: reach.row - window.row, ..reach };
         let frame = &plan.frames[index].frame;
         let map = map_frame(&mut ground, frame, &part);
         if map.is_empty() {
@@ -229,11 +221,7 @@ impl<const CH: usize> Canvas<CH> {
                 alpha[i] = 255;
             }
         }
-        TilePixels {
-            window,
-            planes,
-            alpha,
-        }
+        TilePixels { window, planes, alpha }
     }
 }
 
@@ -252,14 +240,8 @@ impl Painter<'_> {
         let [ul, ur, ll, lr] = cell.corners;
         let side = cell.side as f64;
         let (across, down) = (
-            (
-                (ur.column - ul.column) / side,
-                (ur.row - ul.row) / side,
-            ),
-            (
-                (ll.column - ul.column) / side,
-                (ll.row - ul.row) / side,
-            ),
+            ((ur.column - ul.column) / side, (ur.row - ul.row) / side),
+            ((ll.column - ul.column) / side, (ll.row - ul.row) / side),
         );
         let scale = (across.0 * down.1 - across.1 * down.0).abs().sqrt();
         let level = ImagePyramid::level_for_scale(scale);
@@ -286,13 +268,7 @@ impl Painter<'_> {
             run.column += (first - cell.column) as f64 * run.column_step;
             run.row += (first - cell.column) as f64 * run.row_step;
             let values = &mut values[..end - first];
-            sample_run(
-                image,
-                self.plan.kernel,
-                run.at_level(level),
-                well_inside,
-                values,
-            );
+            sample_run(image, self.plan.kernel, run.at_level(level), well_inside, values);
             let start = row * canvas.width + first;
             for (i, value) in values.iter().enumerate() {
                 let at = FramePoint {
@@ -341,17 +317,11 @@ impl Painter<'_> {
 }
 
 fn lies_between_centres(image: &Image8, column: f64, row: f64) -> bool {
-    column >= 0.0
-        && row >= 0.0
-        && column <= (image.width() - 1) as f64
-        && row <= (image.height() - 1) as f64
+    column >= 0.0 && row >= 0.0 && column <= (image.width() - 1) as f64 && row <= (image.height() - 1) as f64
 }
 
 fn between(a: &FramePoint, b: &FramePoint, k: f64) -> FramePoint {
-    FramePoint {
-        column: a.column + k * (b.column - a.column),
-        row: a.row + k * (b.row - a.row),
-    }
+    FramePoint { column: a.column + k * (b.column - a.column), row: a.row + k * (b.row - a.row) }
 }
 
 fn run_to(from: FramePoint, to: FramePoint, steps: f64) -> Run {

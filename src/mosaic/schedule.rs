@@ -34,12 +34,10 @@ pub fn render_all<E: std::error::Error + Send + 'static>(
     let failure: Mutex<Option<ScheduleError<E>>> = Mutex::new(None);
     let work = || {
         while let Some(&tile) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let done = render_tile(plan, tile, source)
-                .map_err(ScheduleError::Render)
-                .and_then(|pixels| {
-                    let mut sink = sink.lock().unwrap_or_else(|e| e.into_inner());
-                    sink(pixels).map_err(ScheduleError::Sink)
-                });
+            let done = render_tile(plan, tile, source).map_err(ScheduleError::Render).and_then(|pixels| {
+                let mut sink = sink.lock().unwrap_or_else(|e| e.into_inner());
+                sink(pixels).map_err(ScheduleError::Sink)
+            });
             if let Err(error) = done {
                 next.store(order.len(), Ordering::Relaxed);
                 let mut failure = failure.lock().unwrap_or_else(|e| e.into_inner());

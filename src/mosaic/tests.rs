@@ -35,13 +35,10 @@ impl MapProjection for Cylinder {
         Ok(positions
             .iter()
             .map(|p| Geodetic {
-                latitude: Radians::new(
-                    Radians::from_degrees(LATITUDE).get() + p.northing / RADIUS_M,
-                ),
+                latitude: Radians::new(Radians::from_degrees(LATITUDE).get() + p.northing / RADIUS_M),
                 longitude: Radians::new(
                     Radians::from_degrees(LONGITUDE).get()
-                        + p.easting
-                            / (RADIUS_M * Radians::from_degrees(LATITUDE).get().cos()),
+                        + p.easting / (RADIUS_M * Radians::from_degrees(LATITUDE).get().cos()),
                 ),
                 height: Metres::new(0.0),
             })
@@ -74,10 +71,7 @@ impl Terrain for Step {
 }
 
 fn pinhole(width: u32, height: u32) -> Arc<Camera> {
-    let (cx, cy) = (
-        0.5 * (f64::from(width) - 1.0) + 1.3,
-        0.5 * (f64::from(height) - 1.0) - 0.8,
-    );
+    let (cx, cy) = (0.5 * (f64::from(width) - 1.0) + 1.3, 0.5 * (f64::from(height) - 1.0) - 0.8);
     let brown = Brown::new([200.0, 201.0, 0.1, cx, cy, -0.08, 0.02, 1e-3, -8e-4, 0.0]).unwrap();
     Arc::new(Camera::new(brown, width, height, None).unwrap())
 }
@@ -94,31 +88,11 @@ struct Pose {
     roll: f64,
 }
 
-const LEVEL: Pose = Pose {
-    east_m: 0.0,
-    north_m: 0.0,
-    yaw: 0.0,
-    pitch: 0.0,
-    roll: 0.0,
-};
-const TILTED: Pose = Pose {
-    east_m: 3.0,
-    north_m: -4.0,
-    yaw: 57.0,
-    pitch: 4.0,
-    roll: -6.0,
-};
+const LEVEL: Pose = Pose { east_m: 0.0, north_m: 0.0, yaw: 0.0, pitch: 0.0, roll: 0.0 };
+const TILTED: Pose = Pose { east_m: 3.0, north_m: -4.0, yaw: 57.0, pitch: 4.0, roll: -6.0 };
 
-fn frame(
-    name: &str,
-    pose: &Pose,
-    camera: &Arc<Camera>,
-    ground: &Arc<dyn Terrain>,
-) -> GeoreferencedFrame {
-    let site = MapPoint {
-        easting: pose.east_m,
-        northing: pose.north_m,
-    };
+fn frame(name: &str, pose: &Pose, camera: &Arc<Camera>, ground: &Arc<dyn Terrain>) -> GeoreferencedFrame {
+    let site = MapPoint { easting: pose.east_m, northing: pose.north_m };
     let record = NavigationRecord {
         line: 1,
         time: None,
@@ -166,12 +140,7 @@ impl FrameSource for Held {
 }
 
 fn held(images: Vec<Image8>) -> Held {
-    Held(
-        images
-            .into_iter()
-            .map(|i| Arc::new(ImagePyramid::new(i)))
-            .collect(),
-    )
+    Held(images.into_iter().map(|i| Arc::new(ImagePyramid::new(i))).collect())
 }
 
 fn constant(frame: &GeoreferencedFrame, value: u8) -> Image8 {
@@ -208,10 +177,8 @@ struct Whole {
 }
 
 fn render(plan: &MosaicPlan, source: &dyn FrameSource) -> Whole {
-    let mut whole = Whole {
-        values: vec![0; plan.width * plan.height],
-        alpha: vec![0; plan.width * plan.height],
-    };
+    let mut whole =
+        Whole { values: vec![0; plan.width * plan.height], alpha: vec![0; plan.width * plan.height] };
     render_all(plan, source, |tile: TilePixels| {
         for row in 0..tile.window.height {
             let from = row * tile.window.width;
@@ -264,12 +231,7 @@ fn alpha_errors(plan: &MosaicPlan, whole: &Whole) -> (usize, usize) {
 #[test]
 fn values_lie_where_the_ground_is() {
     let camera = pinhole(240, 160);
-    let frames = || {
-        vec![
-            frame("a", &LEVEL, &camera, &flat()),
-            frame("b", &TILTED, &camera, &flat()),
-        ]
-    };
+    let frames = || vec![frame("a", &LEVEL, &camera, &flat()), frame("b", &TILTED, &camera, &flat())];
     let source = held(frames().iter().map(photo).collect());
     // Nearest is off by up to half a photo pixel, at slopes of up to 10 grey values per pixel.
     for (kernel, blend, limit_rms) in [
@@ -278,14 +240,7 @@ fn values_lie_where_the_ground_is() {
         (Kernel::Cubic, Blend::Feather, 0.5),
         (Kernel::Nearest, Blend::Feather, 4.0),
     ] {
-        let plan = plan(
-            frames(),
-            &PlanSettings {
-                kernel,
-                blend,
-                ..settings(Some(0.25))
-            },
-        );
+        let plan = plan(frames(), &PlanSettings { kernel, blend, ..settings(Some(0.25)) });
         let whole = render(&plan, &source);
         // Least squares shift along the two axes, in mosaic pixels, and the sum of squares.
         let (mut shift, mut norm, mut squares, mut count) = ([0.0; 2], [0.0; 2], 0.0, 0.0);
@@ -296,10 +251,8 @@ fn values_lie_where_the_ground_is() {
                     let at = |c: f64, r: f64| paint(plan.grid.map_from_pixel(c, r));
                     let (c, r) = (column as f64, row as f64);
                     let off = f64::from(whole.values[i]) - at(c, r);
-                    let slope = [
-                        0.5 * (at(c + 1.0, r) - at(c - 1.0, r)),
-                        0.5 * (at(c, r + 1.0) - at(c, r - 1.0)),
-                    ];
+                    let slope =
+                        [0.5 * (at(c + 1.0, r) - at(c - 1.0, r)), 0.5 * (at(c, r + 1.0) - at(c, r - 1.0))];
                     for k in 0..2 {
                         shift[k] += off * slope[k];
                         norm[k] += slope[k] * slope[k];
@@ -310,10 +263,7 @@ fn values_lie_where_the_ground_is() {
             }
         }
         let shift = [shift[0] / norm[0], shift[1] / norm[1]];
-        assert!(
-            shift.iter().all(|s| s.abs() < 0.02),
-            "{kernel:?} {blend:?}: shifted by {shift:?} px"
-        );
+        assert!(shift.iter().all(|s| s.abs() < 0.02), "{kernel:?} {blend:?}: shifted by {shift:?} px");
         let rms = f64::sqrt(squares / count);
         println!("{kernel:?} {blend:?}: shift {shift:?} px, rms {rms}");
         assert!(rms < limit_rms, "{kernel:?} {blend:?}: rms {rms}");
@@ -323,10 +273,7 @@ fn values_lie_where_the_ground_is() {
 #[test]
 fn transparency_is_exact() {
     let camera = pinhole(240, 160);
-    let frames = vec![
-        frame("a", &LEVEL, &camera, &flat()),
-        frame("b", &TILTED, &camera, &flat()),
-    ];
+    let frames = vec![frame("a", &LEVEL, &camera, &flat()), frame("b", &TILTED, &camera, &flat())];
     let images = frames.iter().map(|f| constant(f, 77)).collect();
     let plan = plan(frames, &settings(None));
     let whole = render(&plan, &held(images));
@@ -341,10 +288,7 @@ fn equal_frames_blend_to_themselves_without_dark_borders() {
     let camera = pinhole(241, 163);
     // At the photo's own scale and where two and eight photo pixels are averaged.
     for gsd_m in [0.3, 0.7, 2.6] {
-        let frames = vec![
-            frame("a", &LEVEL, &camera, &flat()),
-            frame("b", &TILTED, &camera, &flat()),
-        ];
+        let frames = vec![frame("a", &LEVEL, &camera, &flat()), frame("b", &TILTED, &camera, &flat())];
         let images = frames.iter().map(|f| constant(f, 201)).collect();
         let plan = plan(frames, &settings(Some(gsd_m)));
         let whole = render(&plan, &held(images));
@@ -360,9 +304,8 @@ fn a_coarse_mosaic_averages() {
     // A chequerboard of single pixels has no business in a mosaic four times coarser.
     let camera = pinhole(240, 160);
     let frames = vec![frame("a", &LEVEL, &camera, &flat())];
-    let samples = (0..160)
-        .flat_map(|r| (0..240).map(move |c| if (r + c) % 2 == 0 { 255 } else { 0 }))
-        .collect();
+    let samples =
+        (0..160).flat_map(|r| (0..240).map(move |c| if (r + c) % 2 == 0 { 255 } else { 0 })).collect();
     let plan = plan(frames, &settings(Some(1.2)));
     let whole = render(&plan, &held(vec![Image8::new(240, 160, 1, samples).unwrap()]));
     let values = whole.values.iter().zip(&whole.alpha);
@@ -374,28 +317,13 @@ fn a_coarse_mosaic_averages() {
 #[test]
 fn without_blending_the_most_central_frame_wins() {
     let camera = pinhole(240, 160);
-    let east = Pose {
-        east_m: 36.0,
-        ..LEVEL
-    };
-    let frames = vec![
-        frame("west", &LEVEL, &camera, &flat()),
-        frame("east", &east, &camera, &flat()),
-    ];
+    let east = Pose { east_m: 36.0, ..LEVEL };
+    let frames = vec![frame("west", &LEVEL, &camera, &flat()), frame("east", &east, &camera, &flat())];
     let images = vec![constant(&frames[0], 10), constant(&frames[1], 20)];
-    let plan = plan(
-        frames,
-        &PlanSettings {
-            blend: Blend::None,
-            ..settings(Some(0.3))
-        },
-    );
+    let plan = plan(frames, &PlanSettings { blend: Blend::None, ..settings(Some(0.3)) });
     let whole = render(&plan, &held(images));
     let value_at = |easting: f64| {
-        let (c, r) = plan.grid.pixel_from_map(MapPoint {
-            easting,
-            northing: 0.0,
-        });
+        let (c, r) = plan.grid.pixel_from_map(MapPoint { easting, northing: 0.0 });
         whole.values[r.round() as usize * plan.width + c.round() as usize]
     };
     // Both see -0.3 m … 36.3 m; the middle is at 18 m.
@@ -408,11 +336,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
     let camera = pinhole(240, 160);
     let frames: Vec<_> = (0..6)
         .map(|i| {
-            let pose = Pose {
-                east_m: 60.0 * f64::from(i),
-                yaw: 30.0 * f64::from(i),
-                ..TILTED
-            };
+            let pose = Pose { east_m: 60.0 * f64::from(i), yaw: 30.0 * f64::from(i), ..TILTED };
             frame(&format!("{i}"), &pose, &camera, &flat())
         })
         .collect();
@@ -420,10 +344,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
     let plan = plan(frames, &settings(Some(0.1)));
     assert!(plan.tiles.len() > 4, "{} tiles", plan.tiles.len());
     let with_threads = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut tiles = BTreeMap::new();
         pool.install(|| {
             render_all(&plan, &source, |tile: TilePixels| {
@@ -449,48 +370,24 @@ fn a_step_and_a_hole_in_the_terrain_are_followed() {
     let plan = plan(frames, &settings(Some(0.1)));
     let whole = render(&plan, &held(images));
     assert_eq!(alpha_errors(&plan, &whole).0, 0);
-    let hole = plan.grid.pixel_from_map(MapPoint {
-        easting: -15.0,
-        northing: 8.0,
-    });
-    assert_eq!(
-        whole.alpha[hole.1.round() as usize * plan.width + hole.0.round() as usize],
-        0
-    );
+    let hole = plan.grid.pixel_from_map(MapPoint { easting: -15.0, northing: 8.0 });
+    assert_eq!(whole.alpha[hole.1.round() as usize * plan.width + hole.0.round() as usize], 0);
 }
 
 #[test]
 fn interpolated_positions_are_within_a_twentieth_of_a_pixel() {
     let camera = pinhole(240, 160);
     let step: Arc<dyn Terrain> = Arc::new(Step);
-    let steep = Pose {
-        pitch: 40.0,
-        ..TILTED
-    };
-    for (pose, ground, gsd_m) in [
-        (&TILTED, flat(), 0.3),
-        (&steep, flat(), 0.1),
-        (&TILTED, step.clone(), 0.1),
-        (&steep, step, 0.05),
-    ] {
-        let plan = plan(
-            vec![frame("a", pose, &camera, &ground)],
-            &settings(Some(gsd_m)),
-        );
+    let steep = Pose { pitch: 40.0, ..TILTED };
+    for (pose, ground, gsd_m) in
+        [(&TILTED, flat(), 0.3), (&steep, flat(), 0.1), (&TILTED, step.clone(), 0.1), (&steep, step, 0.05)]
+    {
+        let plan = plan(vec![frame("a", pose, &camera, &ground)], &settings(Some(gsd_m)));
         let (mut interpolated, mut worst) = (0, 0.0_f64);
         for tile in plan.tiles.iter().filter(|t| !t.frames.is_empty()) {
-            let side = tile
-                .window
-                .width
-                .max(tile.window.height)
-                .next_multiple_of(mapping::CELL);
-            let mut lattice =
-                ground::TileGround::new(&Cylinder, &plan.grid, &tile.window, side).unwrap();
-            let whole = Window {
-                column: 0,
-                row: 0,
-                ..tile.window
-            };
+            let side = tile.window.width.max(tile.window.height).next_multiple_of(mapping::CELL);
+            let mut lattice = ground::TileGround::new(&Cylinder, &plan.grid, &tile.window, side).unwrap();
+            let whole = Window { column: 0, row: 0, ..tile.window };
             let map = mapping::map_frame(&mut lattice, &plan.frames[0].frame, &whole);
             let mut check = |column: usize, row: usize, at: mapping::FramePoint| {
                 let (column, row) = (tile.window.column + column, tile.window.row + row);
@@ -500,18 +397,12 @@ fn interpolated_positions_are_within_a_twentieth_of_a_pixel() {
             for cell in &map.cells {
                 for i in 0..cell.side * cell.side {
                     let (c, r) = (i % cell.side, i / cell.side);
-                    let (x, y) = (
-                        c as f64 / cell.side as f64,
-                        r as f64 / cell.side as f64,
-                    );
+                    let (x, y) = (c as f64 / cell.side as f64, r as f64 / cell.side as f64);
                     let mix = |pick: fn(&mapping::FramePoint) -> f64| {
                         let [ul, ur, ll, lr] = cell.corners.each_ref().map(pick);
                         (1.0 - y) * (ul + x * (ur - ul)) + y * (ll + x * (lr - ll))
                     };
-                    let at = mapping::FramePoint {
-                        column: mix(|p| p.column),
-                        row: mix(|p| p.row),
-                    };
+                    let at = mapping::FramePoint { column: mix(|p| p.column), row: mix(|p| p.row) };
                     check(cell.column + c, cell.row + r, at);
                     interpolated += 1;
                 }
@@ -545,10 +436,7 @@ fn corners_that_the_papers_lens_cannot_see_stay_transparent() {
 #[test]
 fn a_frame_with_the_horizon_is_cut_at_its_range() {
     let camera = pinhole(240, 160);
-    let oblique = Pose {
-        pitch: 75.0,
-        ..LEVEL
-    };
+    let oblique = Pose { pitch: 75.0, ..LEVEL };
     let frames = vec![frame("a", &oblique, &camera, &flat())];
     assert!(frames[0].footprint.clipped);
     let images = frames.iter().map(|f| constant(f, 90)).collect();
@@ -572,10 +460,7 @@ fn the_grid_lies_on_whole_multiples_of_its_cell() {
         let lines = side / plan.cell;
         assert!((lines - lines.round()).abs() < 1e-6, "{lines}");
     }
-    let feet = PlanSettings {
-        metres_per_unit: 0.3048,
-        ..settings(Some(0.3048))
-    };
+    let feet = PlanSettings { metres_per_unit: 0.3048, ..settings(Some(0.3048)) };
     let in_feet = super::tests::plan(vec![frame("a", &TILTED, &camera, &flat())], &feet);
     assert!((in_feet.cell - 1.0).abs() < 1e-12);
 }
@@ -583,20 +468,14 @@ fn the_grid_lies_on_whole_multiples_of_its_cell() {
 #[test]
 fn a_wild_pose_is_named_before_anything_is_allocated() {
     let camera = pinhole(240, 160);
-    let wild = Pose {
-        east_m: 400_000.0,
-        ..LEVEL
-    };
+    let wild = Pose { east_m: 400_000.0, ..LEVEL };
     let frames = vec![
         frame("good-1", &LEVEL, &camera, &flat()),
         frame("wild", &wild, &camera, &flat()),
         frame("good-2", &TILTED, &camera, &flat()),
     ];
     let error = MosaicPlan::new(frames, Arc::new(Cylinder), &settings(Some(0.3))).unwrap_err();
-    assert!(
-        matches!(&error, PlanError::TooLarge { frame, .. } if frame == "wild"),
-        "{error}"
-    );
+    assert!(matches!(&error, PlanError::TooLarge { frame, .. } if frame == "wild"), "{error}");
 }
 
 #[test]
@@ -604,20 +483,8 @@ fn bounds_are_kept_and_must_hold_something() {
     let camera = pinhole(240, 160);
     let frames = || vec![frame("a", &LEVEL, &camera, &flat())];
     let with = |west: f64, east: f64| {
-        let bounds = Some(MapBounds {
-            west,
-            south: -5.0,
-            east,
-            north: 5.0,
-        });
-        MosaicPlan::new(
-            frames(),
-            Arc::new(Cylinder),
-            &PlanSettings {
-                bounds,
-                ..settings(Some(0.5))
-            },
-        )
+        let bounds = Some(MapBounds { west, south: -5.0, east, north: 5.0 });
+        MosaicPlan::new(frames(), Arc::new(Cylinder), &PlanSettings { bounds, ..settings(Some(0.5)) })
     };
     let plan = with(-10.1, 10.0).unwrap();
     assert_eq!((plan.width, plan.height), (41, 20));
@@ -634,14 +501,9 @@ fn an_image_that_was_not_planned_is_a_failure_of_its_frame() {
     let camera = pinhole(240, 160);
     let plan = plan(vec![frame("a", &LEVEL, &camera, &flat())], &settings(None));
     let other = Image8::new(240, 159, 1, vec![0; 240 * 159]).unwrap();
-    let error = render_all(&plan, &held(vec![other]), |_| {
-        Ok::<(), std::convert::Infallible>(())
-    })
-    .unwrap_err();
-    assert!(
-        matches!(&error, ScheduleError::Render(RenderError::Frame(f)) if f.name == "a"),
-        "{error}"
-    );
+    let error =
+        render_all(&plan, &held(vec![other]), |_| Ok::<(), std::convert::Infallible>(())).unwrap_err();
+    assert!(matches!(&error, ScheduleError::Render(RenderError::Frame(f)) if f.name == "a"), "{error}");
     assert!(error.to_string().contains("240 × 159"), "{error}");
 }
 
@@ -651,15 +513,7 @@ fn tiles_are_visited_once_each_and_by_neighbours() {
     let plan = plan(
         vec![
             frame("a", &LEVEL, &camera, &flat()),
-            frame(
-                "b",
-                &Pose {
-                    east_m: 250.0,
-                    ..LEVEL
-                },
-                &camera,
-                &flat(),
-            ),
+            frame("b", &Pose { east_m: 250.0, ..LEVEL }, &camera, &flat()),
         ],
         &settings(Some(0.05)),
     );

@@ -36,10 +36,7 @@ impl EdgeWeight {
     /// Weight at a position on the image, in (0, 1]: the squared distance to the edge over the greatest
     /// possible one.
     pub(super) fn at(&self, column: f32, row: f32) -> f32 {
-        let mut distance = (column + 0.5)
-            .min(self.right - column)
-            .min(row + 0.5)
-            .min(self.bottom - row);
+        let mut distance = (column + 0.5).min(self.right - column).min(row + 0.5).min(self.bottom - row);
         if let Some(fold) = &self.fold {
             distance = distance.min(bilinear(fold, column, row));
         }
@@ -69,15 +66,10 @@ fn fold_distances(frame: &GeoreferencedFrame) -> Option<Raster<f32>> {
     let seen = |c: usize, r: usize| {
         let at = |i: usize, size: u32| (i as f64 * FOLD_GRID_PX).min(f64::from(size) - 0.5);
         let stored = ImagePoint::new(at(c, width), at(r, height));
-        frame
-            .camera
-            .ray_from_pixel(frame.sensor_from_stored(stored))
-            .is_some()
+        frame.camera.ray_from_pixel(frame.sensor_from_stored(stored)).is_some()
     };
-    let blind: Vec<(usize, usize)> = (0..rows)
-        .flat_map(|r| (0..columns).map(move |c| (c, r)))
-        .filter(|(c, r)| !seen(*c, *r))
-        .collect();
+    let blind: Vec<(usize, usize)> =
+        (0..rows).flat_map(|r| (0..columns).map(move |c| (c, r))).filter(|(c, r)| !seen(*c, *r)).collect();
     if blind.is_empty() {
         return None;
     }

@@ -50,11 +50,7 @@ impl Image8 {
         if self.channels == 3 {
             return self;
         }
-        Self {
-            channels: 3,
-            samples: self.samples.iter().flat_map(|v| [*v; 3]).collect(),
-            ..self
-        }
+        Self { channels: 3, samples: self.samples.iter().flat_map(|v| [*v; 3]).collect(), ..self }
     }
 
     /// Every 2 × 2 block averaged into one pixel, rounded to nearest. Blocks that stick out over an odd
@@ -90,12 +86,7 @@ impl Image8 {
                 }
             }
         }
-        Self {
-            width,
-            height,
-            channels: CH,
-            samples,
-        }
+        Self { width, height, channels: CH, samples }
     }
 }
 
@@ -113,10 +104,7 @@ impl ImagePyramid {
     /// Level 0 is the image itself.
     #[must_use]
     pub const fn new(base: Image8) -> Self {
-        Self {
-            base,
-            reduced: [const { OnceLock::new() }; MOST_LEVELS],
-        }
+        Self { base, reduced: [const { OnceLock::new() }; MOST_LEVELS] }
     }
     /// The image itself.
     #[must_use]

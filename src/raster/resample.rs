@@ -100,10 +100,7 @@ fn nearest<const CH: usize>(image: &Image8, run: Run, values: &mut [[f32; CH]]) 
 fn bilinear<const CH: usize>(image: &Image8, run: Run, values: &mut [[f32; CH]]) {
     let (width, height) = (image.width(), image.height());
     for ((column, row), value) in positions(run, values.len()).zip(values.iter_mut()) {
-        let (column, row) = (
-            column.clamp(0.0, last(width)),
-            row.clamp(0.0, last(height)),
-        );
+        let (column, row) = (column.clamp(0.0, last(width)), row.clamp(0.0, last(height)));
         let (c0, r0) = (column as usize, row as usize);
         let (c1, r1) = ((c0 + 1).min(width - 1), (r0 + 1).min(height - 1));
         let (fc, fr) = ((column - c0 as f64) as f32, (row - r0 as f64) as f32);
@@ -128,10 +125,7 @@ fn bilinear_inside<const CH: usize>(image: &Image8, run: Run, values: &mut [[f32
     let (mut column, mut row) = ((run.column * ONE) as i64, (run.row * ONE) as i64);
     let (column_step, row_step) = ((run.column_step * ONE) as i64, (run.row_step * ONE) as i64);
     for value in values.iter_mut() {
-        let (c, r) = (
-            (column >> 32).clamp(0, last_column),
-            (row >> 32).clamp(0, last_row),
-        );
+        let (c, r) = ((column >> 32).clamp(0, last_column), (row >> 32).clamp(0, last_row));
         const FRACTION: f32 = 1.0 / 16_777_216.0;
         let fc = ((column - (c << 32)) >> 8) as i32 as f32 * FRACTION;
         let fr = ((row - (r << 32)) >> 8) as i32 as f32 * FRACTION;
@@ -167,10 +161,7 @@ fn cubic<const CH: usize>(image: &Image8, run: Run, values: &mut [[f32; CH]]) {
         std::array::from_fn(|i| (first + i as isize).clamp(0, count as isize - 1) as usize)
     };
     for ((column, row), value) in positions(run, values.len()).zip(values.iter_mut()) {
-        let (column, row) = (
-            column.clamp(0.0, last(width)),
-            row.clamp(0.0, last(height)),
-        );
+        let (column, row) = (column.clamp(0.0, last(width)), row.clamp(0.0, last(height)));
         let (columns, rows) = (around(column, width), around(row, height));
         let by_column = cubic_weights(column.fract() as f32);
         let by_row = cubic_weights(row.fract() as f32);
@@ -194,18 +185,11 @@ mod tests {
 
     /// Grey value 2 · column + 3 · row: every kernel but nearest must reproduce it between pixels.
     fn ramp(width: usize, height: usize) -> Image8 {
-        let samples = (0..height)
-            .flat_map(|r| (0..width).map(move |c| (2 * c + 3 * r) as u8))
-            .collect();
+        let samples = (0..height).flat_map(|r| (0..width).map(move |c| (2 * c + 3 * r) as u8)).collect();
         Image8::new(width, height, 1, samples).unwrap()
     }
     fn at(image: &Image8, kernel: Kernel, column: f64, row: f64, well_inside: bool) -> f32 {
-        let run = Run {
-            column,
-            row,
-            column_step: 0.0,
-            row_step: 0.0,
-        };
+        let run = Run { column, row, column_step: 0.0, row_step: 0.0 };
         let mut value = [[0.0_f32; 1]];
         sample_run::<1>(image, kernel, run, well_inside, &mut value);
         value[0][0]

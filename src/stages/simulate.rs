@@ -87,15 +87,27 @@ mod tests {
         let written = simulate(&small(), &one).unwrap();
         simulate(&small(), &two).unwrap();
         let names = [
-            "calibration/corners.csv", "calibration/target_01.png", "camera-true.json", "dem.tif",
-            "images/IMG_0001.jpg", "images/IMG_0002.jpg", "log.csv", "runway.csv", "runway_observations.csv",
-            "scenario.toml", "target_observations.csv", "targets.csv", "track.csv", "truth.csv",
+            "calibration/corners.csv",
+            "calibration/target_01.png",
+            "camera-true.json",
+            "dem.tif",
+            "images/IMG_0001.jpg",
+            "images/IMG_0002.jpg",
+            "log.csv",
+            "runway.csv",
+            "runway_observations.csv",
+            "scenario.toml",
+            "target_observations.csv",
+            "targets.csv",
+            "track.csv",
+            "truth.csv",
         ];
         let files_one = files(&one);
         assert_eq!(files_one.keys().collect::<Vec<_>>(), names);
         assert!(files_one == files(&two));
         assert_eq!(written.bytes, files_one.values().map(|bytes| bytes.len() as u64).sum::<u64>());
-        let scenario: Scenario = toml::from_str(&String::from_utf8(files_one["scenario.toml"].clone()).unwrap()).unwrap();
+        let scenario: Scenario =
+            toml::from_str(&String::from_utf8(files_one["scenario.toml"].clone()).unwrap()).unwrap();
         assert_eq!(scenario, small());
         // Nothing unfinished is left beside the results.
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
@@ -144,7 +156,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
-        let Err(SimulateError::Write(error)) = simulate(&small(), &file.join("out")) else { panic!("written into a file") };
+        let Err(SimulateError::Write(error)) = simulate(&small(), &file.join("out")) else {
+            panic!("written into a file")
+        };
         assert!(error.to_string().contains("file"), "{error}");
     }
 

@@ -46,9 +46,15 @@ impl GeodeticPosition {
         let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
         let (sin_lon, cos_lon) = self.longitude_deg.to_radians().sin_cos();
         Matrix3::new(
-            -sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon,
-            -sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon,
-            cos_lat, 0.0, -sin_lat,
+            -sin_lat * cos_lon,
+            -sin_lon,
+            -cos_lat * cos_lon,
+            -sin_lat * sin_lon,
+            cos_lon,
+            -cos_lat * sin_lon,
+            cos_lat,
+            0.0,
+            -sin_lat,
         )
     }
 }
@@ -146,6 +152,9 @@ mod tests {
         let lower = GeodeticPosition::from_ecef(&(here.ecef() + ecef_from_ned.column(2) * 10.0));
         assert!((lower.height_m - 90.0).abs() < 1e-7);
         let further_east = GeodeticPosition::from_ecef(&(here.ecef() + ecef_from_ned.column(1) * 10.0));
-        assert!(further_east.longitude_deg > here.longitude_deg && (further_east.latitude_deg - 60.0).abs() < 1e-8);
+        assert!(
+            further_east.longitude_deg > here.longitude_deg
+                && (further_east.latitude_deg - 60.0).abs() < 1e-8
+        );
     }
 }

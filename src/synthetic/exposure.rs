@@ -29,14 +29,18 @@ impl<const CHANNELS: usize> Light<CHANNELS> {
         let rows: Vec<_> = self
             .pixels
             .par_chunks(width)
-            .flat_map_iter(|row| (0..width).map(|column| weighted(&kernel, column, width, row[column], |index| row[index])))
+            .flat_map_iter(|row| {
+                (0..width).map(|column| weighted(&kernel, column, width, row[column], |index| row[index]))
+            })
             .collect();
         self.pixels = (0..height)
             .into_par_iter()
             .flat_map_iter(|row| {
                 let (rows, kernel) = (&rows, &kernel);
                 (0..width).map(move |column| {
-                    weighted(kernel, row, height, rows[row * width + column], |index| rows[index * width + column])
+                    weighted(kernel, row, height, rows[row * width + column], |index| {
+                        rows[index * width + column]
+                    })
                 })
             })
             .collect();
@@ -93,7 +97,8 @@ mod tests {
         light.blur(1.0);
         let values: Vec<f32> = light.pixels.iter().map(|pixel| pixel.unwrap()[0]).collect();
         assert!((values.iter().sum::<f32>() - 1.0).abs() < 1e-5);
-        let spread: f32 = values.iter().enumerate().map(|(index, v)| v * (index as f32 % 21.0 - 10.0).powi(2)).sum();
+        let spread: f32 =
+            values.iter().enumerate().map(|(index, v)| v * (index as f32 % 21.0 - 10.0).powi(2)).sum();
         assert!((spread - 1.0).abs() < 0.02, "{spread}");
     }
 

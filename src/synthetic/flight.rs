@@ -71,9 +71,17 @@ pub(super) struct Flown {
 
 /// A piece of the path: straight along a strip, or a turn to the next one.
 enum Leg {
-    Straight { from: Vector2<f64>, velocity: Vector2<f64> },
+    Straight {
+        from: Vector2<f64>,
+        velocity: Vector2<f64>,
+    },
     /// Cubic Hermite curve between two strips.
-    Turn { from: Vector2<f64>, to: Vector2<f64>, leave: Vector2<f64>, arrive: Vector2<f64> },
+    Turn {
+        from: Vector2<f64>,
+        to: Vector2<f64>,
+        leave: Vector2<f64>,
+        arrive: Vector2<f64>,
+    },
 }
 
 struct TimedLeg {
@@ -97,7 +105,8 @@ impl Wander {
     }
 
     fn at(&self, time_s: f64) -> f64 {
-        self.rms_deg * self.waves.iter().map(|(rate, phase)| (rate * time_s + phase).sin()).sum::<f64>() / 2.0_f64.sqrt()
+        self.rms_deg * self.waves.iter().map(|(rate, phase)| (rate * time_s + phase).sin()).sum::<f64>()
+            / 2.0_f64.sqrt()
     }
 }
 
@@ -129,7 +138,8 @@ impl Path<'_> {
                 let first = (to - from) * (6.0 * t * (1.0 - t))
                     + leave * (1.0 + t * (3.0 * t - 4.0))
                     + arrive * (t * (3.0 * t - 2.0));
-                let second = (to - from) * (6.0 - 12.0 * t) + leave * (6.0 * t - 4.0) + arrive * (6.0 * t - 2.0);
+                let second =
+                    (to - from) * (6.0 - 12.0 * t) + leave * (6.0 * t - 4.0) + arrive * (6.0 * t - 2.0);
                 [position, first / *duration_s, second / (duration_s * duration_s)]
             }
         }
@@ -226,8 +236,14 @@ pub(super) fn fly(scenario: &Scenario, ground: &Ground) -> Flown {
 
     // Track records and looked-up frame poses share one error process, so they are drawn in order of time.
     let ticks = (time_s * adahrs.track_rate_hz).floor() as u64;
-    let mut readings: Vec<(f64, Option<usize>)> = (0..=ticks).map(|tick| (tick as f64 / adahrs.track_rate_hz, None)).collect();
-    readings.extend(exposures.iter().enumerate().map(|(index, (_, time_s))| (time_s + adahrs.clock_offset_s, Some(index))));
+    let mut readings: Vec<(f64, Option<usize>)> =
+        (0..=ticks).map(|tick| (tick as f64 / adahrs.track_rate_hz, None)).collect();
+    readings.extend(
+        exposures
+            .iter()
+            .enumerate()
+            .map(|(index, (_, time_s))| (time_s + adahrs.clock_offset_s, Some(index))),
+    );
     readings.sort_by(|a, b| a.0.total_cmp(&b.0));
 
     let mut errors = Errors::new(adahrs, scenario.seed);
@@ -268,13 +284,16 @@ pub(super) fn fly(scenario: &Scenario, ground: &Ground) -> Flown {
 /// Hemerly, eq. (8), with the antenna's lever arm and the boresight angles added.
 fn camera_pose(truth: &LogRow, mounting: &Mounting) -> (Vector3<f64>, Matrix3<f64>) {
     let nav_from_body = truth.attitude.nav_from_body();
-    let body_from_gimbal =
-        rotation_zyx_deg(mounting.boresight_yaw_deg, mounting.boresight_pitch_deg, mounting.boresight_roll_deg)
-            * rotation_z(mounting.gimbal_pan_deg.to_radians())
-            * rotation_y(mounting.gimbal_elevation_deg.to_radians())
-            * rotation_x(mounting.gimbal_roll_deg.to_radians());
+    let body_from_gimbal = rotation_zyx_deg(
+        mounting.boresight_yaw_deg,
+        mounting.boresight_pitch_deg,
+        mounting.boresight_roll_deg,
+    ) * rotation_z(mounting.gimbal_pan_deg.to_radians())
+        * rotation_y(mounting.gimbal_elevation_deg.to_radians())
+        * rotation_x(mounting.gimbal_roll_deg.to_radians());
     let gimbal_from_camera = Matrix3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
-    let antenna_to_camera_in_body = Vector3::from(mounting.gimbal_in_body_m) - Vector3::from(mounting.antenna_in_body_m)
+    let antenna_to_camera_in_body = Vector3::from(mounting.gimbal_in_body_m)
+        - Vector3::from(mounting.antenna_in_body_m)
         + body_from_gimbal * Vector3::from(mounting.camera_in_gimbal_m);
     let ecef_from_body = truth.antenna.ecef_from_ned() * nav_from_body;
     (
@@ -307,7 +326,13 @@ impl Errors {
             adahrs.roll_std_deg,
         ];
         // A first step from the infinite past draws the stationary state.
-        Self { random, std, state: [0.0; 6], correlation_time_s: adahrs.correlation_time_s, last_s: f64::NEG_INFINITY }
+        Self {
+            random,
+            std,
+            state: [0.0; 6],
+            correlation_time_s: adahrs.correlation_time_s,
+            last_s: f64::NEG_INFINITY,
+        }
     }
 
     fn apply(&mut self, truth: LogRow) -> LogRow {
@@ -424,7 +449,9 @@ mod tests {
         for frame in &frames {
             let antenna = &frame.truth.antenna;
             let offset = antenna.ecef_from_ned().transpose() * (frame.logged.antenna.ecef() - antenna.ecef());
-            let yaw = (frame.logged.attitude.yaw_deg - frame.truth.attitude.yaw_deg + 180.0).rem_euclid(360.0) - 180.0;
+            let yaw = (frame.logged.attitude.yaw_deg - frame.truth.attitude.yaw_deg + 180.0)
+                .rem_euclid(360.0)
+                - 180.0;
             let pitch = frame.logged.attitude.pitch_deg - frame.truth.attitude.pitch_deg;
             let roll = frame.logged.attitude.roll_deg - frame.truth.attitude.roll_deg;
             for (square, error) in squares.iter_mut().zip([offset.x, offset.y, offset.z, yaw, pitch, roll]) {

@@ -85,13 +85,20 @@ impl Ground {
     pub fn height_m(&self, at: ScenePoint) -> f64 {
         let point = Vector2::new(at.east, at.north);
         self.mean_height_m
-            + self.waves.iter().map(|wave| wave.amplitude_m * (wave.vector.dot(&point) + wave.phase).sin()).sum::<f64>()
+            + self
+                .waves
+                .iter()
+                .map(|wave| wave.amplitude_m * (wave.vector.dot(&point) + wave.phase).sin())
+                .sum::<f64>()
     }
 
     /// Rise of the ground per metre east and north.
     pub fn slope(&self, at: ScenePoint) -> Vector2<f64> {
         let point = Vector2::new(at.east, at.north);
-        self.waves.iter().map(|wave| wave.vector * (wave.amplitude_m * (wave.vector.dot(&point) + wave.phase).cos())).sum()
+        self.waves
+            .iter()
+            .map(|wave| wave.vector * (wave.amplitude_m * (wave.vector.dot(&point) + wave.phase).cos()))
+            .sum()
     }
 
     /// East and north of an ECEF point, seen in the site's tangent plane.

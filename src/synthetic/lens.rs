@@ -116,7 +116,10 @@ mod tests {
                 let (column, row) = (f64::from(column), f64::from(row));
                 if let Some(ideal) = lens.ideal_from_pixel(column, row) {
                     let back = lens.pixel_from_ideal(ideal);
-                    assert!((back - Vector2::new(column, row)).norm() < 1e-7, "pixel {column}, {row} came back as {back}");
+                    assert!(
+                        (back - Vector2::new(column, row)).norm() < 1e-7,
+                        "pixel {column}, {row} came back as {back}"
+                    );
                 }
             }
         }
@@ -154,7 +157,9 @@ mod tests {
         for row in 0..648 {
             for column in 0..1152 {
                 // The middle of the frame is far from the fold.
-                if (200..952).contains(&column) || lens.ideal_from_pixel(f64::from(column), f64::from(row)).is_some() {
+                if (200..952).contains(&column)
+                    || lens.ideal_from_pixel(f64::from(column), f64::from(row)).is_some()
+                {
                     continue;
                 }
                 corners[usize::from(column >= 576) + 2 * usize::from(row >= 324)] += 1;

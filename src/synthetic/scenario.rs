@@ -385,7 +385,8 @@ impl Adahrs {
     /// Horizontal 1σ per axis, metres.
     pub(super) fn horizontal_std_m(&self) -> f64 {
         // The circular error probable of two equal independent axes is sqrt(2 ln 2) sigma.
-        self.position_std_m.unwrap_or(0.0) + self.position_cep_m.unwrap_or(0.0) / (2.0 * std::f64::consts::LN_2).sqrt()
+        self.position_std_m.unwrap_or(0.0)
+            + self.position_cep_m.unwrap_or(0.0) / (2.0 * std::f64::consts::LN_2).sqrt()
     }
 }
 
@@ -418,7 +419,13 @@ impl Scenario {
         Self {
             seed: 14,
             flight: Flight { forward_overlap: Some(0.7), side_overlap: Some(0.6), ..Flight::default() },
-            photo: Photo { noise_std: 1.0, gain_std: 0.02, vignetting: 0.08, jpeg_quality: 85, ..Photo::default() },
+            photo: Photo {
+                noise_std: 1.0,
+                gain_std: 0.02,
+                vignetting: 0.08,
+                jpeg_quality: 85,
+                ..Photo::default()
+            },
             mounting: Mounting {
                 antenna_in_body_m: [-0.3, 0.0, -0.25],
                 gimbal_in_body_m: [0.45, 0.0, 0.2],
@@ -517,18 +524,43 @@ impl Scenario {
         within("flight.frames_per_strip", f64::from(flight.frames_per_strip), 1.0, 5000.0)?;
         within("flight.height_above_ground_m", flight.height_above_ground_m, 1.0, 1e4)?;
         if relief.shape == ReliefShape::Hills {
-            within("flight.height_above_ground_m", flight.height_above_ground_m, 1.5 * relief.amplitude_m, 1e4)?;
+            within(
+                "flight.height_above_ground_m",
+                flight.height_above_ground_m,
+                1.5 * relief.amplitude_m,
+                1e4,
+            )?;
         }
         within("flight.speed_m_s", flight.speed_m_s, 0.1, 300.0)?;
-        for (key, value) in [("flight.forward_overlap", flight.forward_overlap), ("flight.side_overlap", flight.side_overlap)] {
+        for (key, value) in
+            [("flight.forward_overlap", flight.forward_overlap), ("flight.side_overlap", flight.side_overlap)]
+        {
             value.map_or(Ok(()), |value| within(key, value, 0.0, 0.98))?;
         }
-        for (key, value) in [("flight.photo_spacing_m", flight.photo_spacing_m), ("flight.strip_spacing_m", flight.strip_spacing_m)] {
+        for (key, value) in [
+            ("flight.photo_spacing_m", flight.photo_spacing_m),
+            ("flight.strip_spacing_m", flight.strip_spacing_m),
+        ] {
             value.map_or(Ok(()), |value| within(key, value, 0.1, 1e4))?;
         }
-        exclusive("flight.forward_overlap", flight.forward_overlap, "flight.photo_spacing_m", flight.photo_spacing_m)?;
-        exclusive("flight.side_overlap", flight.side_overlap, "flight.strip_spacing_m", flight.strip_spacing_m)?;
-        exclusive("adahrs.position_cep_m", adahrs.position_cep_m, "adahrs.position_std_m", adahrs.position_std_m)?;
+        exclusive(
+            "flight.forward_overlap",
+            flight.forward_overlap,
+            "flight.photo_spacing_m",
+            flight.photo_spacing_m,
+        )?;
+        exclusive(
+            "flight.side_overlap",
+            flight.side_overlap,
+            "flight.strip_spacing_m",
+            flight.strip_spacing_m,
+        )?;
+        exclusive(
+            "adahrs.position_cep_m",
+            adahrs.position_cep_m,
+            "adahrs.position_std_m",
+            adahrs.position_std_m,
+        )?;
         for (key, value) in [
             ("flight.heading_deg", flight.heading_deg),
             ("mounting.gimbal_pan_deg", mounting.gimbal_pan_deg),
@@ -588,7 +620,12 @@ fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), Synt
     if (low..=high).contains(&value) { Ok(()) } else { Err(SyntheticError::Value { key, value, low, high }) }
 }
 
-fn exclusive(first: &'static str, a: Option<f64>, second: &'static str, b: Option<f64>) -> Result<(), SyntheticError> {
+fn exclusive(
+    first: &'static str,
+    a: Option<f64>,
+    second: &'static str,
+    b: Option<f64>,
+) -> Result<(), SyntheticError> {
     if a.is_some() && b.is_some() { Err(SyntheticError::Both { first, second }) } else { Ok(()) }
 }
 
@@ -615,7 +652,10 @@ mod tests {
     fn a_senseless_value_is_named_with_its_limits() {
         let mut scenario = Scenario::demo();
         scenario.site.latitude_deg = 91.0;
-        assert_eq!(scenario.validate().unwrap_err().to_string(), "site.latitude_deg is 91, allowed is -89 to 89");
+        assert_eq!(
+            scenario.validate().unwrap_err().to_string(),
+            "site.latitude_deg is 91, allowed is -89 to 89"
+        );
         let mut scenario = Scenario::demo();
         scenario.adahrs.height_std_m = f64::NAN;
         assert!(scenario.validate().unwrap_err().to_string().starts_with("adahrs.height_std_m is NaN"));

@@ -62,25 +62,105 @@ enum Trees {
 
 const CROPS: [Crop; 10] = [
     // Young cereal.
-    Crop { colour: [104, 134, 66], soil: [142, 124, 88], rows: 0.05, patches: 0.35, roughness: 0.05, tramlines: true, trees: Trees::None },
+    Crop {
+        colour: [104, 134, 66],
+        soil: [142, 124, 88],
+        rows: 0.05,
+        patches: 0.35,
+        roughness: 0.05,
+        tramlines: true,
+        trees: Trees::None,
+    },
     // Ripe cereal.
-    Crop { colour: [204, 180, 118], soil: [170, 146, 100], rows: 0.03, patches: 0.5, roughness: 0.05, tramlines: true, trees: Trees::None },
+    Crop {
+        colour: [204, 180, 118],
+        soil: [170, 146, 100],
+        rows: 0.03,
+        patches: 0.5,
+        roughness: 0.05,
+        tramlines: true,
+        trees: Trees::None,
+    },
     // Tilled red-brown soil.
-    Crop { colour: [158, 116, 88], soil: [184, 148, 118], rows: 0.05, patches: 0.9, roughness: 0.07, tramlines: false, trees: Trees::None },
+    Crop {
+        colour: [158, 116, 88],
+        soil: [184, 148, 118],
+        rows: 0.05,
+        patches: 0.9,
+        roughness: 0.07,
+        tramlines: false,
+        trees: Trees::None,
+    },
     // Dark ploughed soil.
-    Crop { colour: [116, 90, 72], soil: [146, 116, 92], rows: 0.08, patches: 0.8, roughness: 0.09, tramlines: false, trees: Trees::None },
+    Crop {
+        colour: [116, 90, 72],
+        soil: [146, 116, 92],
+        rows: 0.08,
+        patches: 0.8,
+        roughness: 0.09,
+        tramlines: false,
+        trees: Trees::None,
+    },
     // Maize.
-    Crop { colour: [74, 108, 54], soil: [110, 118, 70], rows: 0.09, patches: 0.4, roughness: 0.07, tramlines: false, trees: Trees::None },
+    Crop {
+        colour: [74, 108, 54],
+        soil: [110, 118, 70],
+        rows: 0.09,
+        patches: 0.4,
+        roughness: 0.07,
+        tramlines: false,
+        trees: Trees::None,
+    },
     // Flowering rape.
-    Crop { colour: [190, 182, 74], soil: [128, 140, 66], rows: 0.03, patches: 0.5, roughness: 0.06, tramlines: true, trees: Trees::None },
+    Crop {
+        colour: [190, 182, 74],
+        soil: [128, 140, 66],
+        rows: 0.03,
+        patches: 0.5,
+        roughness: 0.06,
+        tramlines: true,
+        trees: Trees::None,
+    },
     // Pasture.
-    Crop { colour: [122, 140, 82], soil: [160, 152, 104], rows: 0.0, patches: 1.0, roughness: 0.09, tramlines: false, trees: Trees::Single },
+    Crop {
+        colour: [122, 140, 82],
+        soil: [160, 152, 104],
+        rows: 0.0,
+        patches: 1.0,
+        roughness: 0.09,
+        tramlines: false,
+        trees: Trees::Single,
+    },
     // Stubble.
-    Crop { colour: [190, 166, 126], soil: [164, 132, 100], rows: 0.06, patches: 0.7, roughness: 0.06, tramlines: false, trees: Trees::None },
+    Crop {
+        colour: [190, 166, 126],
+        soil: [164, 132, 100],
+        rows: 0.06,
+        patches: 0.7,
+        roughness: 0.06,
+        tramlines: false,
+        trees: Trees::None,
+    },
     // Clover.
-    Crop { colour: [90, 138, 76], soil: [116, 140, 78], rows: 0.02, patches: 0.7, roughness: 0.05, tramlines: false, trees: Trees::None },
+    Crop {
+        colour: [90, 138, 76],
+        soil: [116, 140, 78],
+        rows: 0.02,
+        patches: 0.7,
+        roughness: 0.05,
+        tramlines: false,
+        trees: Trees::None,
+    },
     // Wood.
-    Crop { colour: [62, 82, 48], soil: [74, 84, 52], rows: 0.0, patches: 0.4, roughness: 0.12, tramlines: false, trees: Trees::Wood },
+    Crop {
+        colour: [62, 82, 48],
+        soil: [74, 84, 52],
+        rows: 0.0,
+        patches: 0.4,
+        roughness: 0.12,
+        tramlines: false,
+        trees: Trees::Wood,
+    },
 ];
 
 const GRASS: [u8; 3] = [124, 142, 80];
@@ -210,7 +290,8 @@ impl Painting {
         let ragged = 1.5 * smooth(self.seed ^ 21, at.east / 9.0, at.north / 9.0);
         // A rectangle with rounded corners.
         let beyond = local.abs() - Vector2::new(length, width) - AIRFIELD_M.add_scalar(-AIRFIELD_CORNER_M);
-        let inside = AIRFIELD_CORNER_M + ragged - beyond.sup(&Vector2::zeros()).norm() - beyond.max().min(0.0);
+        let inside =
+            AIRFIELD_CORNER_M + ragged - beyond.sup(&Vector2::zeros()).norm() - beyond.max().min(0.0);
         let share = coverage(inside, footprint.max(1.5));
         let mown = |footprint| {
             let stripe = (TAU * local.y / 12.0).sin() * survival(12.0, footprint);
@@ -218,15 +299,21 @@ impl Painting {
             let worn = ease((2.5 - (local.y.abs() - width).max(local.x.abs() - length)) / 2.5) * 0.5;
             blend(rgb(GRASS), rgb(DRY_GRASS), 0.35 + 0.45 * patches + worn) * (1.0 + 0.035 * stripe)
         };
-        if share >= 1.0 { mown(footprint) } else { blend(self.farmland(at, footprint), mown(footprint), share) }
+        if share >= 1.0 {
+            mown(footprint)
+        } else {
+            blend(self.farmland(at, footprint), mown(footprint), share)
+        }
     }
 
     fn runway_colour(&self, local: Vector2<f64>, footprint: f64) -> Rgb {
         let runway = &self.scene.runway;
         let from_end = 0.5 * runway.length_m - local.x.abs();
         let across = local.y.abs();
-        let centre_dash = across < 0.3 && from_end > 24.0 && (local.x + 0.5 * runway.length_m).rem_euclid(20.0) < 12.0;
-        let threshold = (3.0..15.0).contains(&from_end) && across < 0.42 * runway.width_m && across.rem_euclid(1.5) > 0.5;
+        let centre_dash =
+            across < 0.3 && from_end > 24.0 && (local.x + 0.5 * runway.length_m).rem_euclid(20.0) < 12.0;
+        let threshold =
+            (3.0..15.0).contains(&from_end) && across < 0.42 * runway.width_m && across.rem_euclid(1.5) > 0.5;
         let wear = fractal(self.seed ^ 31, local.x, local.y, 24.0, 6, footprint);
         if centre_dash || threshold {
             return rgb(PAINT) * (0.96 + 0.03 * wear);
@@ -285,7 +372,8 @@ impl Painting {
             - 46.0 * (place.y / 210.0 + 1.0).sin()
             - 14.0 * (place.y / 83.0).sin();
         let mut to_track = winding.abs();
-        for (border, distance) in [(parcel.column, parcel.from_left), (parcel.column + 1, parcel.from_right)] {
+        for (border, distance) in [(parcel.column, parcel.from_left), (parcel.column + 1, parcel.from_right)]
+        {
             if distance < to_track && self.border_kind(border) == Border::Track {
                 to_track = distance;
             }
@@ -314,7 +402,8 @@ impl Painting {
         let size = parcel.high - parcel.low;
         let from_low = place - parcel.low;
         // Rows run along the longer side; on the headlands they turn along the shorter one.
-        let (mut across, mut along) = if size.y >= size.x { (from_low.x, from_low.y) } else { (from_low.y, from_low.x) };
+        let (mut across, mut along) =
+            if size.y >= size.x { (from_low.x, from_low.y) } else { (from_low.y, from_low.x) };
         let length = size.max();
         let headland = along.min(length - along) < HEADLAND_M && crop.trees == Trees::None;
         if headland {
@@ -334,7 +423,8 @@ impl Painting {
         let mut colour = blend(rgb(crop.colour), rgb(crop.soil), 0.25 + crop.patches * patches)
             * (1.0 + tone + 0.05 * patches + crop.rows * rows + 0.035 * streaks + crop.roughness * rough);
         if crop.tramlines && !headland {
-            let from_pass = (across / TRAMLINE_M - 0.5 - (across / TRAMLINE_M - 0.5).round()).abs() * TRAMLINE_M;
+            let from_pass =
+                (across / TRAMLINE_M - 0.5 - (across / TRAMLINE_M - 0.5).round()).abs() * TRAMLINE_M;
             let wheel = line_coverage(from_pass - 0.5 * WHEELS_M, 0.45, footprint);
             colour = blend(colour, rgb(crop.soil) * 0.92, 0.8 * wheel);
         }
@@ -387,7 +477,8 @@ impl Painting {
             for column in column - 1..=column + 1 {
                 for row in row - 1..=row + 1 {
                     let random = hash(self.seed ^ 63, column, row);
-                    let jitter = Vector2::new(fraction(random.rotate_left(17)), fraction(random.rotate_left(31)));
+                    let jitter =
+                        Vector2::new(fraction(random.rotate_left(17)), fraction(random.rotate_left(31)));
                     let centre = (Vector2::new(column as f64, row as f64) + jitter) * cell;
                     let inside = (centre - parcel.low).inf(&(parcel.high - centre)).min();
                     if fraction(random) < chance && inside > radius {
@@ -399,7 +490,10 @@ impl Painting {
         match best {
             Some((depth, offset, radius)) if depth > -2.0 => {
                 let ragged = 0.35 * smooth(self.seed ^ 64, place.x / 1.2, place.y / 1.2);
-                (coverage(depth + ragged, footprint.max(0.4)), 0.92 + 0.42 * offset.dot(&self.sun_in_field) / radius)
+                (
+                    coverage(depth + ragged, footprint.max(0.4)),
+                    0.92 + 0.42 * offset.dot(&self.sun_in_field) / radius,
+                )
             }
             _ => (0.0, 1.0),
         }
@@ -431,7 +525,15 @@ impl Painting {
         (low[axis], high[axis]) = (side(part, identity), side(part + 1, identity));
         identity = hash(identity, part, 3);
         let to_border = (place - low).inf(&(high - place)).min();
-        Parcel { low, high, column, from_left: place.x - left, from_right: right - place.x, to_border, identity }
+        Parcel {
+            low,
+            high,
+            column,
+            from_left: place.x - left,
+            from_right: right - place.x,
+            to_border,
+            identity,
+        }
     }
 }
 
@@ -501,7 +603,8 @@ mod tests {
     fn fields_tile_the_plane() {
         let painting = painting();
         for index in 0..4000 {
-            let place = Vector2::new(f64::from(index % 80) * 31.7 - 1200.0, f64::from(index / 80) * 43.1 - 1000.0);
+            let place =
+                Vector2::new(f64::from(index % 80) * 31.7 - 1200.0, f64::from(index / 80) * 43.1 - 1000.0);
             let parcel = painting.parcel(place);
             assert!(parcel.to_border >= 0.0, "{place} lies outside its field");
             let same = painting.parcel(place + Vector2::new(0.4, -0.4) * parcel.to_border);
@@ -524,7 +627,12 @@ mod tests {
         let targets = &painting.scene.targets;
         assert!(painting.marks().len() < (targets.columns * targets.rows) as usize);
         for mark in painting.marks() {
-            assert_eq!(painting.colour(mark.centre, Vector2::zeros(), 0.1), rgb(TARGET_WHITE), "{}", mark.name);
+            assert_eq!(
+                painting.colour(mark.centre, Vector2::zeros(), 0.1),
+                rgb(TARGET_WHITE),
+                "{}",
+                mark.name
+            );
             assert!(painting.has_edge(mark.centre, 0.1));
         }
     }
@@ -540,7 +648,9 @@ mod tests {
             let mut mean = Rgb::zeros();
             for sample in 0..400 {
                 let (dx, dy) = (f64::from(sample % 20) / 10.0 - 0.95, f64::from(sample / 20) / 10.0 - 0.95);
-                mean += painting.colour(ScenePoint { east: east + dx, north: north + dy }, Vector2::zeros(), 0.1) / 400.0;
+                mean +=
+                    painting.colour(ScenePoint { east: east + dx, north: north + dy }, Vector2::zeros(), 0.1)
+                        / 400.0;
             }
             worst = worst.max((coarse - mean).abs().max());
         }

@@ -13,8 +13,8 @@ use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use rand::prelude::*;
 use rand_chacha::ChaCha8Rng;
 
-use super::noise::fractal;
 use super::lens::Lens;
+use super::noise::fractal;
 use super::scenario::{Camera, Scenario};
 use super::stream;
 
@@ -71,7 +71,8 @@ impl View {
             (0.5 * f64::from(camera.width_px) - 0.5 - camera.cx_px) / camera.fx_px,
             (0.5 * f64::from(camera.height_px) - 0.5 - camera.cy_px) / camera.fy_px,
         );
-        let aside = Vector2::new((f64::from(index) * 2.1 + 0.6).cos() * 0.42, (f64::from(index) * 1.3).sin() * 0.15);
+        let aside =
+            Vector2::new((f64::from(index) * 2.1 + 0.6).cos() * 0.42, (f64::from(index) * 1.3).sin() * 0.15);
         let light_angle = random.random_range(0.0..TAU);
         let light = Vector2::new(light_angle.cos(), light_angle.sin());
         let mut view = Self { camera_from_target, origin_in_camera_mm: Vector3::zeros(), light };
@@ -95,7 +96,8 @@ impl View {
                 Vector3::new(ray.x, ray.y, 1.0) * distance - self.camera_from_target * centre_in_target;
             let rows = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
                 .map(|(x, y)| self.ideal(Vector2::new(x, y) * PATTERN_MM).y * camera.fy_px);
-            let spread = rows.into_iter().fold(f64::MIN, f64::max) - rows.into_iter().fold(f64::MAX, f64::min);
+            let spread =
+                rows.into_iter().fold(f64::MIN, f64::max) - rows.into_iter().fold(f64::MAX, f64::min);
             if spread > fill * f64::from(camera.height_px) { near = distance } else { far = distance }
         }
     }
@@ -104,15 +106,17 @@ impl View {
         let camera = lens.camera();
         (0..=20).all(|step| {
             let along = PATTERN_MM * f64::from(step) / 20.0;
-            [(along, 0.0), (along, PATTERN_MM), (0.0, along), (PATTERN_MM, along)].into_iter().all(|(x, y)| {
-                let ideal = self.ideal(Vector2::new(x, y));
-                let pixel = lens.pixel_from_ideal(ideal);
-                lens.is_well_inside(ideal)
-                    && pixel.x > CLEAR_PX
-                    && pixel.x < f64::from(camera.width_px) - 1.0 - CLEAR_PX
-                    && pixel.y > CLEAR_PX
-                    && pixel.y < f64::from(camera.height_px) - 1.0 - CLEAR_PX
-            })
+            [(along, 0.0), (along, PATTERN_MM), (0.0, along), (PATTERN_MM, along)].into_iter().all(
+                |(x, y)| {
+                    let ideal = self.ideal(Vector2::new(x, y));
+                    let pixel = lens.pixel_from_ideal(ideal);
+                    lens.is_well_inside(ideal)
+                        && pixel.x > CLEAR_PX
+                        && pixel.x < f64::from(camera.width_px) - 1.0 - CLEAR_PX
+                        && pixel.y > CLEAR_PX
+                        && pixel.y < f64::from(camera.height_px) - 1.0 - CLEAR_PX
+                },
+            )
         })
     }
 
@@ -127,9 +131,8 @@ impl View {
         let normal = self.camera_from_target.column(2);
         let ray = Vector3::new(ideal.x, ideal.y, 1.0);
         let distance = normal.dot(&self.origin_in_camera_mm) / normal.dot(&ray);
-        (distance > 0.0 && distance.is_finite()).then(|| {
-            (self.camera_from_target.transpose() * (ray * distance - self.origin_in_camera_mm)).xy()
-        })
+        (distance > 0.0 && distance.is_finite())
+            .then(|| (self.camera_from_target.transpose() * (ray * distance - self.origin_in_camera_mm)).xy())
     }
 
     /// The 192 corners of the full squares, squares row by row.
@@ -140,7 +143,9 @@ impl View {
                 if (square_row, square_column) == (0, 0) {
                     continue;
                 }
-                for (corner, (dx, dy)) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].into_iter().enumerate() {
+                for (corner, (dx, dy)) in
+                    [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].into_iter().enumerate()
+                {
                     let at = Vector2::new(
                         f64::from(square_column) * PITCH_MM + dx * SIDE_MM,
                         f64::from(square_row) * PITCH_MM + dy * SIDE_MM,

@@ -4,10 +4,7 @@ use super::*;
 
 /// Noise-free, in a small frame without the paper's fold.
 fn quiet() -> Scenario {
-    Scenario {
-        photo: Photo { noise_std: 0.0, ..Photo::default() },
-        ..Scenario::demo()
-    }
+    Scenario { photo: Photo { noise_std: 0.0, ..Photo::default() }, ..Scenario::demo() }
 }
 
 #[test]
@@ -37,7 +34,8 @@ fn discs_are_rendered_where_they_are_observed() {
         for (index, frame) in survey.frames().iter().enumerate().take(4) {
             // Further out the lens squeezes the plate so much that the window would leave it.
             let near_axis = |o: &Observation| (o.column - 566.4).hypot(o.row - 345.5) < 400.0;
-            let observations = survey.observations().into_iter().filter(|o| o.frame == frame.name && near_axis(o));
+            let observations =
+                survey.observations().into_iter().filter(|o| o.frame == frame.name && near_axis(o));
             let picture = survey.render_frame(index);
             for observation in observations {
                 let [column, row] = white_centroid(&picture, observation.column, observation.row);
@@ -77,7 +75,10 @@ fn pixel_and_ground_are_inverse() {
     for frame in survey.frames() {
         for (column, row) in [(100.0, 300.0), (575.5, 323.5), (900.25, 600.0)] {
             let ground = survey.ground_from_pixel(frame, column, row).unwrap();
-            assert!((survey.ground_height(ground.latitude_deg, ground.longitude_deg) - ground.height_m).abs() < 1e-5);
+            assert!(
+                (survey.ground_height(ground.latitude_deg, ground.longitude_deg) - ground.height_m).abs()
+                    < 1e-5
+            );
             let [back_column, back_row] = survey.pixel_from_ground(frame, &ground).unwrap();
             assert!((back_column - column).hypot(back_row - row) < 1e-5);
         }
@@ -153,7 +154,8 @@ fn target_photos_match_their_corners() {
             let (dark, bright) = (light(0.5), light(1.5));
             assert!(dark < 40.0 && bright > 190.0, "{dark} {bright}");
             let level = 0.5 * (dark + bright);
-            let crossing = (0..1000).map(|step| 0.8 + f64::from(step) / 2500.0).find(|&x| light(x) > level).unwrap();
+            let crossing =
+                (0..1000).map(|step| 0.8 + f64::from(step) / 2500.0).find(|&x| light(x) > level).unwrap();
             let miss = (pixel(crossing) - pixel(1.0)).norm();
             assert!(miss < 0.06, "square {}, {}: {miss} px", square[0].square_row, square[0].square_column);
         }
@@ -164,5 +166,6 @@ fn bilinear(photo: &GrayImage, column: f64, row: f64) -> f64 {
     let (x, y) = (column.floor(), row.floor());
     let pixel = |dx: u32, dy: u32| f64::from(photo.get_pixel(x as u32 + dx, y as u32 + dy)[0]);
     let (fx, fy) = (column - x, row - y);
-    (pixel(0, 0) * (1.0 - fx) + pixel(1, 0) * fx) * (1.0 - fy) + (pixel(0, 1) * (1.0 - fx) + pixel(1, 1) * fx) * fy
+    (pixel(0, 0) * (1.0 - fx) + pixel(1, 0) * fx) * (1.0 - fy)
+        + (pixel(0, 1) * (1.0 - fx) + pixel(1, 1) * fx) * fy
 }

@@ -2,3 +2,4 @@
 
 mod surveys;
 mod tidy;
+mod truth;

@@ -20,7 +20,17 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     ),
     (
         "accuracy",
-        &["units", "geometry", "geodesy", "raster", "camera", "navigation", "terrain", "georeference", "mosaic"],
+        &[
+            "units",
+            "geometry",
+            "geodesy",
+            "raster",
+            "camera",
+            "navigation",
+            "terrain",
+            "georeference",
+            "mosaic",
+        ],
     ),
     // Shares no geometry with the code it tests.
     ("synthetic", &[]),
@@ -28,29 +38,60 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     (
         "formats",
         &[
-            "units", "geometry", "geodesy", "raster", "camera", "navigation", "terrain", "calibration",
-            "georeference", "mosaic", "accuracy", "synthetic", "config",
+            "units",
+            "geometry",
+            "geodesy",
+            "raster",
+            "camera",
+            "navigation",
+            "terrain",
+            "calibration",
+            "georeference",
+            "mosaic",
+            "accuracy",
+            "synthetic",
+            "config",
         ],
     ),
     ("report", &["units", "geometry", "raster", "accuracy", "calibration", "mosaic"]),
     (
         "stages",
         &[
-            "units", "geometry", "geodesy", "raster", "camera", "navigation", "terrain", "calibration",
-            "georeference", "mosaic", "accuracy", "synthetic", "config", "formats", "report",
+            "units",
+            "geometry",
+            "geodesy",
+            "raster",
+            "camera",
+            "navigation",
+            "terrain",
+            "calibration",
+            "georeference",
+            "mosaic",
+            "accuracy",
+            "synthetic",
+            "config",
+            "formats",
+            "report",
         ],
     ),
     ("pipeline", &["units", "config", "formats", "report", "stages"]),
-    (
-        "cli",
-        &["units", "camera", "synthetic", "config", "formats", "report", "stages", "pipeline"],
-    ),
+    ("cli", &["units", "camera", "synthetic", "config", "formats", "report", "stages", "pipeline"]),
 ];
 
 /// Modules without I/O, clock, printing or global state.
 const PURE: &[&str] = &[
-    "units", "geometry", "geodesy", "raster", "camera", "navigation", "terrain", "calibration", "georeference",
-    "mosaic", "accuracy", "synthetic",
+    "units",
+    "geometry",
+    "geodesy",
+    "raster",
+    "camera",
+    "navigation",
+    "terrain",
+    "calibration",
+    "georeference",
+    "mosaic",
+    "accuracy",
+    "synthetic",
 ];
 
 fn root() -> PathBuf {
@@ -96,7 +137,8 @@ fn imports_run_one_way() {
     let table: BTreeMap<&str, &[&str]> = MAY_IMPORT.iter().copied().collect();
     let mut wrong = Vec::new();
     for (module, path, text) in sources() {
-        let allowed = table.get(module.as_str()).unwrap_or_else(|| panic!("{module} is not in the floor table"));
+        let allowed =
+            table.get(module.as_str()).unwrap_or_else(|| panic!("{module} is not in the floor table"));
         let code = code(&text);
         for (at, _) in code.match_indices("crate::") {
             let rest = &code[at + "crate::".len()..];
@@ -145,8 +187,11 @@ fn the_table_is_the_one_in_the_architecture_page() {
             .find(|l| l.starts_with(&format!("| `{module}`")))
             .unwrap_or_else(|| panic!("ARCHITECTURE.md has no row for {module}"));
         let cell = row.split('|').rev().nth(1).unwrap().trim();
-        let mut written: Vec<&str> =
-            cell.split(',').map(|n| n.trim().trim_matches('`')).filter(|n| !n.is_empty() && *n != "–").collect();
+        let mut written: Vec<&str> = cell
+            .split(',')
+            .map(|n| n.trim().trim_matches('`'))
+            .filter(|n| !n.is_empty() && *n != "–")
+            .collect();
         let mut expected = allowed.to_vec();
         written.sort_unstable();
         expected.sort_unstable();
@@ -156,8 +201,17 @@ fn the_table_is_the_one_in_the_architecture_page() {
 
 #[test]
 fn ground_floors_are_pure() {
-    let forbidden =
-        ["std::fs", "std::env", "std::time", "std::process", "println!", "eprintln!", "print!(", "static mut", "gdal::"];
+    let forbidden = [
+        "std::fs",
+        "std::env",
+        "std::time",
+        "std::process",
+        "println!",
+        "eprintln!",
+        "print!(",
+        "static mut",
+        "gdal::",
+    ];
     let mut wrong = Vec::new();
     for (module, path, text) in sources() {
         if PURE.contains(&module.as_str()) {
