@@ -540,7 +540,9 @@ fn overrides_replace_add_and_are_read_as_text_when_not_toml() {
     .unwrap();
     assert_eq!(config.mosaic.as_ref().unwrap().gsd_m.as_ref().unwrap().value, 0.35);
     assert_eq!(config.run.seed, 99);
-    assert!((config.georeference.unwrap().max_off_nadir_rad.unwrap() - std::f64::consts::FRAC_PI_3).abs() < 1e-12);
+    assert!(
+        (config.georeference.unwrap().max_off_nadir_rad.unwrap() - std::f64::consts::FRAC_PI_3).abs() < 1e-12
+    );
     let config = read_with(SHORT, &["mosaic={}", "mosaic.blend=none"]).unwrap();
     assert_eq!(config.mosaic.unwrap().blend, mosaic::Blend::None);
     let config = read_with(FULL, &["calibrate.photos=[\"a\", \"b\"]"]).unwrap();
