@@ -148,6 +148,23 @@ impl Config {
         path.strip_prefix(&self.base).unwrap_or(path).to_owned()
     }
 
+    /// The BLAKE3 hash (hex) of the pipeline file's text and its overrides: what products name as their origin.
+    pub fn fingerprint(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.source.text.as_bytes());
+        for (_, written) in self.source.overrides() {
+            // A byte no TOML text holds keeps the parts apart.
+            hasher.update(b"\0").update(written.as_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
+    /// The table of one stage ("mosaic") with defaults filled in, as TOML; `None` when the pipeline has no such table.
+    pub fn table_toml(&self, stage: &str) -> Option<String> {
+        let spec = toml::Value::try_from(&self.spec).expect("tables of strings, numbers and tables are TOML");
+        spec.get(stage).map(ToString::to_string)
+    }
+
     /// The pipeline with overrides in place and defaults filled in, as a pipeline file.
     pub fn resolved_toml(&self) -> String {
         let name = self.source.name.file_name().unwrap_or_default().to_string_lossy();

@@ -8,6 +8,7 @@ pub mod crs;
 pub mod elevation;
 pub mod files;
 pub mod geoid;
+pub mod libraries;
 pub mod log;
 pub mod survey;
 pub mod table;

@@ -275,6 +275,7 @@ pub struct Calibrate {
 
 /// Where the camera comes from.
 #[derive(Debug, Clone)]
+#[expect(clippy::large_enum_variant, reason = "a pipeline holds one")]
 pub enum CameraSource {
     /// A camera file, recognised by its content.
     File(Located<PathBuf>),

@@ -25,13 +25,13 @@ pub struct RunSpec {
     pub max_rejected_frames: RejectionLimit,
     /// Data that may be absent: when a path is missing the run is skipped with its hint and exit code 0.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub requires: Vec<RequirementSpec>,
+    pub requires: Vec<RequiredDataSpec>,
 }
 
 /// One `[[run.requires]]` as written.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RequirementSpec {
+pub struct RequiredDataSpec {
     /// File or folder that must exist, from the pipeline file's folder.
     pub path: Located<PathBuf>,
     /// What it is and where to get it: printed when it is absent.

@@ -200,6 +200,7 @@ impl Drop for Leftovers {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make incomplete files on purpose")]
 mod tests {
     use super::*;
 

@@ -121,6 +121,7 @@ pub fn images(folder: &Path) -> Result<Vec<PathBuf>, FilesError> {
 }
 
 #[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests make incomplete files on purpose")]
 mod tests {
     use std::fs;
 

@@ -53,6 +53,8 @@ impl fmt::Display for Stage {
 /// The kind of a failure; each has its exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorClass {
+    /// The command line asks for what cannot be done.
+    Usage,
     /// The pipeline file is wrong.
     Pipeline,
     /// An input is missing, unreadable or holds what cannot be.
@@ -71,6 +73,7 @@ impl ErrorClass {
     /// The word printed in `error[...]`.
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Usage => "usage",
             Self::Pipeline => "pipeline",
             Self::Input => "input",
             Self::Limits => "limits",
