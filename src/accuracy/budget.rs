@@ -6,7 +6,6 @@ use super::propagation::{FramePropagation, PixelAccuracy, PropagationError};
 use crate::camera::ImagePoint;
 use crate::geodesy::Geodetic;
 use crate::georeference::GeoreferencedFrame;
-use crate::navigation::Mount;
 
 /// Sources of `ε` that turn the camera.
 pub const ATTITUDE: [Source; 4] = [Source::Yaw, Source::Pitch, Source::Roll, Source::Gimbal];
@@ -61,10 +60,7 @@ fn cep50_from(
     propagation: &FramePropagation<'_>,
     sources: &[Source],
 ) -> Result<f64, CircularError> {
-    let covariance = sources
-        .iter()
-        .map(|source| propagation.covariance_from(*source, &at.jacobian))
-        .sum();
+    let covariance = sources.iter().map(|source| propagation.covariance_from(*source, &at.jacobian)).sum();
     match super::circular::ErrorEllipse::of(&covariance)?.radius_of(0.5) {
         Err(CircularError::NoSpread) => Ok(0.0),
         other => other,
@@ -137,14 +133,9 @@ pub fn corners(frame: &GeoreferencedFrame, fraction: f64) -> [(&'static str, Ima
 /// horizon is in view; 0.9 is the paper's frame.
 #[must_use]
 pub fn corner_fraction(frame: &GeoreferencedFrame) -> Option<f64> {
-    (1..=10)
-        .rev()
-        .map(|tenths| f64::from(tenths) / 10.0)
-        .find(|fraction| {
-            corners(frame, *fraction)
-                .iter()
-                .all(|(_, pixel)| frame.ground_from_pixel(*pixel).is_ok())
-        })
+    (1..=10).rev().map(|tenths| f64::from(tenths) / 10.0).find(|fraction| {
+        corners(frame, *fraction).iter().all(|(_, pixel)| frame.ground_from_pixel(*pixel).is_ok())
+    })
 }
 
 /// Eq. (11) at the centre and the corners of a frame.
@@ -154,16 +145,9 @@ pub fn corner_fraction(frame: &GeoreferencedFrame) -> Option<f64> {
 ///
 /// # Errors
 /// As [`FramePropagation::new`]; and as [`FramePropagation::at`] for the image centre.
-pub fn budget(
-    frame: &GeoreferencedFrame,
-    mount: &Mount,
-    model: &ErrorModel,
-) -> Result<Budget, PropagationError> {
-    let propagation = FramePropagation::new(frame, mount, model)?;
-    let anchor = frame
-        .footprint
-        .anchor
-        .map_or_else(|| frame.image_centre(), |anchor| anchor.pixel);
+pub fn budget(frame: &GeoreferencedFrame, model: &ErrorModel) -> Result<Budget, PropagationError> {
+    let propagation = FramePropagation::new(frame, model)?;
+    let anchor = frame.footprint.anchor.map_or_else(|| frame.image_centre(), |anchor| anchor.pixel);
     let place = if anchor == frame.image_centre() {
         "image centre"
     } else {

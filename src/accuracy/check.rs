@@ -113,24 +113,16 @@ impl CheckStatistics {
     #[must_use]
     pub fn of<'r>(residuals: impl IntoIterator<Item = &'r Residual>) -> Option<Self> {
         let residuals: Vec<&Residual> = residuals.into_iter().collect();
-        let worst = residuals
-            .iter()
-            .max_by(|a, b| a.radial_m().total_cmp(&b.radial_m()))?;
+        let worst = residuals.iter().max_by(|a, b| a.radial_m().total_cmp(&b.radial_m()))?;
         let n = residuals.len() as f64;
         let mean = |f: &dyn Fn(&Residual) -> f64| residuals.iter().map(|r| f(r)).sum::<f64>() / n;
         let mut radial: Vec<f64> = residuals.iter().map(|r| r.radial_m()).collect();
         radial.sort_by(f64::total_cmp);
-        let normalised: Vec<f64> = residuals
-            .iter()
-            .filter_map(|r| r.normalised_squared)
-            .collect();
+        let normalised: Vec<f64> = residuals.iter().filter_map(|r| r.normalised_squared).collect();
         Some(Self {
             count: residuals.len(),
             mean_m: [mean(&|r| r.north_m), mean(&|r| r.east_m)],
-            rmse_m: [
-                mean(&|r| r.north_m.powi(2)).sqrt(),
-                mean(&|r| r.east_m.powi(2)).sqrt(),
-            ],
+            rmse_m: [mean(&|r| r.north_m.powi(2)).sqrt(), mean(&|r| r.east_m.powi(2)).sqrt()],
             rmse_radial_m: mean(&|r| r.radial_m().powi(2)).sqrt(),
             ce90_sample_m: percentile(&radial, 0.9),
             cep50_sample_m: percentile(&radial, 0.5),
@@ -154,10 +146,7 @@ pub fn statistics_by_frame(residuals: &[Residual]) -> BTreeMap<String, CheckStat
     for r in residuals {
         by_frame.entry(&r.frame).or_default().push(r);
     }
-    by_frame
-        .into_iter()
-        .filter_map(|(name, of)| Some((name.to_owned(), CheckStatistics::of(of)?)))
-        .collect()
+    by_frame.into_iter().filter_map(|(name, of)| Some((name.to_owned(), CheckStatistics::of(of)?))).collect()
 }
 
 /// Percentile of sorted values, linear between order statistics.
@@ -176,54 +165,36 @@ mod tests {
 
     #[test]
     fn a_point_that_lies_elsewhere_leaves_its_offset_behind() {
-        let (frame, mount) = scenes::flight();
-        let model = ErrorModel {
-            position_std_m: 2.0,
-            attitude_std: AngleStd::equal(1e-3),
-            ..ErrorModel::default()
-        };
-        let propagation = FramePropagation::new(&frame, &mount, &model).unwrap();
+        let frame = scenes::flight();
+        let model =
+            ErrorModel { position_std_m: 2.0, attitude_std: AngleStd::equal(1e-3), ..ErrorModel::default() };
+        let propagation = FramePropagation::new(&frame, &model).unwrap();
         let pixel = ImagePoint::new(300.0, 400.0);
         let seen = frame.ground_from_pixel(pixel).unwrap().position;
         // Known to lie 3 m south and 4 m west of where the photo puts it: observed − predicted = (+3, +4).
         let known = WGS84.geodetic_from_ecef(
             &(*LocalTangent::at(seen).ecef_from_ned() * Point::<Ned>::new(-3.0, -4.0, 0.0)),
         );
-        let point = CheckPoint {
-            name: "P1".to_owned(),
-            position: known.at_height(seen.height.get()),
-        };
+        let point = CheckPoint { name: "P1".to_owned(), position: known.at_height(seen.height.get()) };
         for ground in [GroundUsed::OwnHeight, GroundUsed::FrameGround] {
             let r = residual(&propagation, &point, pixel, ground).unwrap();
-            assert!(
-                (r.north_m - 3.0).abs() < 1e-4 && (r.east_m - 4.0).abs() < 1e-4,
-                "{r:?}"
-            );
+            assert!((r.north_m - 3.0).abs() < 1e-4 && (r.east_m - 4.0).abs() < 1e-4, "{r:?}");
             assert!((r.radial_m() - 5.0).abs() < 1e-4);
             let expected = 25.0 / r.claimed.covariance[(0, 0)];
             assert!((r.normalised_squared.unwrap() / expected - 1.0).abs() < 0.1);
         }
         // A wrong height moves the observed point along the view on its own height only.
-        let high = CheckPoint {
-            position: seen.at_height(seen.height.get() + 30.0),
-            ..point
-        };
+        let high = CheckPoint { position: seen.at_height(seen.height.get() + 30.0), ..point };
         let own = residual(&propagation, &high, pixel, GroundUsed::OwnHeight).unwrap();
         let ground = residual(&propagation, &high, pixel, GroundUsed::FrameGround).unwrap();
-        assert!(
-            own.radial_m() > 5.0 && ground.radial_m() < 0.01,
-            "{own:?} {ground:?}"
-        );
+        assert!(own.radial_m() > 5.0 && ground.radial_m() < 0.01, "{own:?} {ground:?}");
     }
 
     #[test]
     fn statistics_of_known_residuals() {
-        let (frame, mount) = scenes::flight();
-        let model = ErrorModel {
-            position_std_m: 2.0,
-            ..ErrorModel::default()
-        };
-        let propagation = FramePropagation::new(&frame, &mount, &model).unwrap();
+        let frame = scenes::flight();
+        let model = ErrorModel { position_std_m: 2.0, ..ErrorModel::default() };
+        let propagation = FramePropagation::new(&frame, &model).unwrap();
         let pixel = ImagePoint::new(300.0, 400.0);
         let claimed = propagation.at(pixel).unwrap();
         let with = |point: &str, north_m: f64, east_m: f64| Residual {
@@ -235,12 +206,8 @@ mod tests {
             claimed: claimed.clone(),
             normalised_squared: Some(north_m.hypot(east_m).powi(2) / 4.0),
         };
-        let residuals: Vec<Residual> = vec![
-            with("1", 1.0, 0.0),
-            with("2", -1.0, 0.0),
-            with("3", 0.0, 3.0),
-            with("4", 0.0, 1.0),
-        ];
+        let residuals: Vec<Residual> =
+            vec![with("1", 1.0, 0.0), with("2", -1.0, 0.0), with("3", 0.0, 3.0), with("4", 0.0, 1.0)];
         let s = CheckStatistics::of(&residuals).unwrap();
         assert_eq!((s.count, s.mean_m), (4, [0.0, 1.0]));
         assert!((s.rmse_m[0] - 0.5_f64.sqrt()).abs() < 1e-15);

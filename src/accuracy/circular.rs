@@ -91,11 +91,7 @@ pub fn radius_of(level: f64, s1: f64, s2: f64) -> Result<f64, CircularError> {
             low = radius;
         }
         let newton = radius - excess / density;
-        let next = if density > 0.0 && newton > low && newton < high {
-            newton
-        } else {
-            0.5 * (low + high)
-        };
+        let next = if density > 0.0 && newton > low && newton < high { newton } else { 0.5 * (low + high) };
         let moved = (next - radius).abs();
         radius = next;
         if moved <= 1e-14 * radius {
@@ -203,11 +199,7 @@ impl ErrorEllipse {
     pub fn of(covariance: &Matrix2<f64>) -> Result<Self, CircularError> {
         let (nn, ee) = (covariance[(0, 0)], covariance[(1, 1)]);
         let ne = 0.5 * (covariance[(0, 1)] + covariance[(1, 0)]);
-        let refused = CircularError::Covariance {
-            north_var: nn,
-            east_var: ee,
-            north_east_cov: ne,
-        };
+        let refused = CircularError::Covariance { north_var: nn, east_var: ee, north_east_cov: ne };
         let mean = 0.5 * (nn + ee);
         let half_span = (0.5 * (nn - ee)).hypot(ne);
         let (large, small) = (mean + half_span, mean - half_span);
@@ -246,11 +238,7 @@ mod tests {
 
     #[test]
     fn circular_and_linear_cases_have_their_closed_forms() {
-        for (level, per_sigma) in [
-            (0.5, 1.177_410_023),
-            (0.9, 2.145_966_026),
-            (0.95, 2.447_746_831),
-        ] {
+        for (level, per_sigma) in [(0.5, 1.177_410_023), (0.9, 2.145_966_026), (0.95, 2.447_746_831)] {
             close(radius_of(level, 2.0, 2.0).unwrap(), 2.0 * per_sigma, 1e-9);
         }
         // Ratio 0 is the one-dimensional normal: its two-sided quantiles.
@@ -303,11 +291,7 @@ mod tests {
     #[test]
     fn cep_of_the_papers_receiver_is_2_548_m_per_axis() {
         close(std_from_circular(3.0, 0.5).unwrap(), 2.548, 1e-4);
-        close(
-            3.0 / CEP50_PER_SIGMA,
-            std_from_circular(3.0, 0.5).unwrap(),
-            1e-14,
-        );
+        close(3.0 / CEP50_PER_SIGMA, std_from_circular(3.0, 0.5).unwrap(), 1e-14);
     }
 
     #[test]
@@ -316,54 +300,28 @@ mod tests {
         let percent = |approximation: fn(f64, f64) -> f64, ratio: f64| {
             100.0 * (approximation(1.0, ratio) / radius_of(0.5, 1.0, ratio).unwrap() - 1.0)
         };
-        for (ratio, expected, tolerance) in [
-            (1.0, 0.05, 0.005),
-            (0.5, 1.5, 0.05),
-            (0.2, 0.1, 0.06),
-            (0.1, -5.0, 0.06),
-            (0.0, -12.7, 0.06),
-        ] {
+        for (ratio, expected, tolerance) in
+            [(1.0, 0.05, 0.005), (0.5, 1.5, 0.05), (0.2, 0.1, 0.06), (0.1, -5.0, 0.06), (0.0, -12.7, 0.06)]
+        {
             let found = percent(approximate_cep_by_sum, ratio);
-            assert!(
-                (found - expected).abs() <= tolerance,
-                "sum at {ratio}: {found} %"
-            );
+            assert!((found - expected).abs() <= tolerance, "sum at {ratio}: {found} %");
         }
-        for (ratio, expected, tolerance) in [
-            (1.0, -0.03, 0.005),
-            (0.3, -0.5, 0.06),
-            (0.2, -2.9, 0.06),
-            (0.1, -8.6, 0.06),
-            (0.0, -16.7, 0.06),
-        ] {
+        for (ratio, expected, tolerance) in
+            [(1.0, -0.03, 0.005), (0.3, -0.5, 0.06), (0.2, -2.9, 0.06), (0.1, -8.6, 0.06), (0.0, -16.7, 0.06)]
+        {
             let found = percent(approximate_cep_by_min_max, ratio);
-            assert!(
-                (found - expected).abs() <= tolerance,
-                "min-max at {ratio}: {found} %"
-            );
+            assert!((found - expected).abs() <= tolerance, "min-max at {ratio}: {found} %");
         }
     }
 
     #[test]
     fn nonsense_is_refused_with_words() {
         assert_eq!(radius_of(0.5, 0.0, 0.0), Err(CircularError::NoSpread));
-        assert_eq!(
-            radius_of(0.5, -1.0, 1.0),
-            Err(CircularError::Sigma { value: -1.0 })
-        );
-        assert!(matches!(
-            radius_of(0.5, f64::NAN, 1.0),
-            Err(CircularError::Sigma { .. })
-        ));
-        assert!(matches!(
-            radius_of(0.5, 1.0, f64::INFINITY),
-            Err(CircularError::Sigma { .. })
-        ));
+        assert_eq!(radius_of(0.5, -1.0, 1.0), Err(CircularError::Sigma { value: -1.0 }));
+        assert!(matches!(radius_of(0.5, f64::NAN, 1.0), Err(CircularError::Sigma { .. })));
+        assert!(matches!(radius_of(0.5, 1.0, f64::INFINITY), Err(CircularError::Sigma { .. })));
         for level in [0.0, 1.0, -0.1, f64::NAN] {
-            assert!(matches!(
-                radius_of(level, 1.0, 1.0),
-                Err(CircularError::Level { .. })
-            ));
+            assert!(matches!(radius_of(level, 1.0, 1.0), Err(CircularError::Level { .. })));
         }
         let not_positive = Matrix2::new(1.0, 2.0, 2.0, 1.0);
         let said = ErrorEllipse::of(&not_positive).unwrap_err().to_string();
@@ -375,7 +333,7 @@ mod tests {
     #[test]
     fn the_ellipse_points_where_the_spread_is() {
         // 3 m along azimuth 30°, 1 m across.
-        let (s, c) = 30_f64.to_radians().sin_cos();
+        let (s, c) = Radians::from_degrees(30.0).get().sin_cos();
         let axes = Matrix2::new(c, -s, s, c);
         let covariance = axes * Matrix2::new(9.0, 0.0, 0.0, 1.0) * axes.transpose();
         let ellipse = ErrorEllipse::of(&covariance).unwrap();

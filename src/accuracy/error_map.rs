@@ -3,7 +3,6 @@
 use crate::camera::ImagePoint;
 use crate::geodesy::{LocalTangent, WGS84};
 use crate::georeference::{FrameError, GeoreferencedFrame};
-use crate::navigation::Mount;
 use crate::units::Radians;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -55,31 +54,20 @@ impl PixelGrid {
     #[must_use]
     pub fn over(frame: &GeoreferencedFrame, columns: usize, rows: usize) -> Option<Self> {
         let (image_width, image_height) = frame.stored_size();
-        let fits = (1..=image_width as usize).contains(&columns)
-            && (1..=image_height as usize).contains(&rows);
-        fits.then_some(Self {
-            image_width,
-            image_height,
-            columns,
-            rows,
-        })
+        let fits =
+            (1..=image_width as usize).contains(&columns) && (1..=image_height as usize).contains(&rows);
+        fits.then_some(Self { image_width, image_height, columns, rows })
     }
     /// Pixels from one cell to the next, across and down.
     #[must_use]
     pub fn step(&self) -> (f64, f64) {
-        (
-            f64::from(self.image_width) / self.columns as f64,
-            f64::from(self.image_height) / self.rows as f64,
-        )
+        (f64::from(self.image_width) / self.columns as f64, f64::from(self.image_height) / self.rows as f64)
     }
     /// Stored pixel at the centre of a cell.
     #[must_use]
     pub fn pixel(&self, column: usize, row: usize) -> ImagePoint {
         let (across, down) = self.step();
-        ImagePoint::new(
-            (column as f64 + 0.5) * across - 0.5,
-            (row as f64 + 0.5) * down - 0.5,
-        )
+        ImagePoint::new((column as f64 + 0.5) * across - 0.5, (row as f64 + 0.5) * down - 0.5)
     }
     /// Stored pixels of all cells, row by row.
     #[must_use]
@@ -123,12 +111,11 @@ pub struct ErrorMap {
 /// As [`GeoreferencedFrame::new`].
 pub fn turned(
     frame: &GeoreferencedFrame,
-    mount: &Mount,
     angle: Angle,
     by: Radians,
 ) -> Result<GeoreferencedFrame, FrameError> {
     let mut record = frame.record.clone();
-    let mut mount = *mount;
+    let mut mount = frame.mount;
     let gimbal = record.gimbal.as_mut().unwrap_or(&mut mount.gimbal);
     let turned = match angle {
         Angle::Tilt => &mut gimbal.elevation,
@@ -157,12 +144,8 @@ pub fn shift_between(
 ) -> Option<GroundShift> {
     let here = from.ground_from_pixel(pixel).ok()?.position;
     let there = to.ground_from_pixel(pixel).ok()?.position;
-    let in_ned =
-        LocalTangent::at(here).ecef_from_ned().inverse() * WGS84.ecef_from_geodetic(&there);
-    Some(GroundShift {
-        north_m: in_ned.x(),
-        east_m: in_ned.y(),
-    })
+    let in_ned = LocalTangent::at(here).ecef_from_ned().inverse() * WGS84.ecef_from_geodetic(&there);
+    Some(GroundShift { north_m: in_ned.x(), east_m: in_ned.y() })
 }
 
 /// The error map of one angle: exact, through the whole chain, not linearised.
@@ -174,16 +157,11 @@ pub fn shift_between(
 /// Hemerly (2014), Fig. 7.
 pub fn error_map(
     frame: &GeoreferencedFrame,
-    mount: &Mount,
     angle: Angle,
     by: Radians,
     grid: PixelGrid,
 ) -> Result<ErrorMap, FrameError> {
-    let changed = turned(frame, mount, angle, by)?;
-    let cells = grid
-        .pixels()
-        .into_par_iter()
-        .map(|pixel| shift_between(frame, &changed, pixel))
-        .collect();
+    let changed = turned(frame, angle, by)?;
+    let cells = grid.pixels().into_par_iter().map(|pixel| shift_between(frame, &changed, pixel)).collect();
     Ok(ErrorMap { grid, cells })
 }

@@ -100,9 +100,7 @@ impl Source {
             | Self::Roll
             | Self::Gimbal
             | Self::Time => Persistence::Frame,
-            Self::Boresight | Self::LeverArm | Self::GroundHeight | Self::Interior => {
-                Persistence::Survey
-            }
+            Self::Boresight | Self::LeverArm | Self::GroundHeight | Self::Interior => Persistence::Survey,
             Self::Picking => Persistence::Pixel,
         }
     }
@@ -142,11 +140,7 @@ impl AngleStd {
     /// The same for all three.
     #[must_use]
     pub const fn equal(std: f64) -> Self {
-        Self {
-            yaw: std,
-            pitch: std,
-            roll: std,
-        }
+        Self { yaw: std, pitch: std, roll: std }
     }
 }
 
@@ -190,9 +184,7 @@ pub enum ModelError {
         value: f64,
     },
     /// Every sigma is zero.
-    #[error(
-        "every standard deviation is zero: state at least one, or there is no accuracy to speak of"
-    )]
+    #[error("every standard deviation is zero: state at least one, or there is no accuracy to speak of")]
     NoErrors,
 }
 
@@ -235,11 +227,7 @@ impl ErrorModel {
     #[must_use]
     pub fn only(&self, sources: &[Source]) -> Self {
         let keep = |source, value: f64| {
-            if sources.contains(&source) {
-                value
-            } else {
-                0.0
-            }
+            if sources.contains(&source) { value } else { 0.0 }
         };
         Self {
             position_std_m: keep(Source::Position, self.position_std_m),
@@ -290,11 +278,7 @@ pub(super) struct ParameterCovariance {
 
 impl ParameterCovariance {
     /// For one gimbal reference and camera. The time columns are scaled by the velocity in the Jacobian.
-    pub fn new(
-        model: &ErrorModel,
-        reference: GimbalReference,
-        interior: Option<InteriorCovariance>,
-    ) -> Self {
+    pub fn new(model: &ErrorModel, reference: GimbalReference, interior: Option<InteriorCovariance>) -> Self {
         let mut std = [0.0; PARAMETERS];
         let mut set = |source: Source, values: &[f64]| {
             std[source.parameters()].copy_from_slice(values);
@@ -311,10 +295,7 @@ impl ParameterCovariance {
         set(Source::Time, &[model.time_std_s; 2]);
         set(Source::GroundHeight, &[model.ground_height_std_m]);
         set(Source::Picking, &[model.picking_std_px; 2]);
-        Self {
-            std,
-            interior: if model.interior { interior } else { None },
-        }
+        Self { std, interior: if model.interior { interior } else { None } }
     }
 }
 
@@ -334,22 +315,10 @@ mod tests {
 
     #[test]
     fn nonsense_is_refused_by_name() {
-        let model = ErrorModel {
-            time_std_s: -0.1,
-            ..ErrorModel::default()
-        };
-        assert!(
-            model
-                .validate()
-                .unwrap_err()
-                .to_string()
-                .contains("time is -0.1")
-        );
+        let model = ErrorModel { time_std_s: -0.1, ..ErrorModel::default() };
+        assert!(model.validate().unwrap_err().to_string().contains("time is -0.1"));
         assert_eq!(ErrorModel::default().validate(), Err(ModelError::NoErrors));
-        let model = ErrorModel {
-            gimbal_std: Some(AngleStd::equal(f64::NAN)),
-            ..ErrorModel::default()
-        };
+        let model = ErrorModel { gimbal_std: Some(AngleStd::equal(f64::NAN)), ..ErrorModel::default() };
         assert!(model.validate().is_err());
     }
 }

@@ -13,7 +13,7 @@ use super::propagation::{FramePropagation, PropagationError, View};
 use crate::geometry::attitude::YawPitchRoll;
 use crate::geometry::{Displacement, Ned, Rotation};
 use crate::georeference::{Chain, GeoreferencedFrame};
-use crate::navigation::{GimbalAngles, GimbalReference, Mount};
+use crate::navigation::{GimbalAngles, GimbalReference};
 use crate::units::Radians;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 use rand::SeedableRng;
@@ -79,13 +79,12 @@ pub struct MonteCarloMap {
 /// As [`FramePropagation::new`].
 pub fn monte_carlo(
     frame: &GeoreferencedFrame,
-    mount: &Mount,
     model: &ErrorModel,
     grid: PixelGrid,
     draws: Draws,
 ) -> Result<MonteCarloMap, PropagationError> {
-    let propagation = FramePropagation::new(frame, mount, model)?;
-    let drawer = Drawer::new(&propagation, mount);
+    let propagation = FramePropagation::new(frame, model)?;
+    let drawer = Drawer::new(&propagation);
     let mut cells: Vec<Option<Cell>> = grid
         .pixels()
         .into_par_iter()
@@ -112,10 +111,7 @@ pub fn monte_carlo(
     Ok(MonteCarloMap {
         grid,
         draws,
-        cells: cells
-            .into_iter()
-            .map(|cell| cell.map(|cell| cell.statistics(draws.count)))
-            .collect(),
+        cells: cells.into_iter().map(|cell| cell.map(|cell| cell.statistics(draws.count))).collect(),
     })
 }
 
@@ -131,7 +127,6 @@ struct Drawn {
 /// Turns a generator's numbers into realisations.
 struct Drawer<'a> {
     frame: &'a GeoreferencedFrame,
-    mount: Mount,
     parameters: &'a ParameterCovariance,
     /// A square root of the interior parameters' covariance.
     interior_root: Option<SMatrix<f64, 10, 10>>,
@@ -139,7 +134,7 @@ struct Drawer<'a> {
 }
 
 impl<'a> Drawer<'a> {
-    fn new(propagation: &'a FramePropagation<'_>, mount: &Mount) -> Self {
+    fn new(propagation: &'a FramePropagation<'_>) -> Self {
         let parameters = propagation.parameters();
         // Eigenvalues rather than Cholesky: fixed parameters have zero variance.
         let interior_root = parameters.interior.map(|covariance| {
@@ -147,13 +142,7 @@ impl<'a> Drawer<'a> {
             let roots = eigen.eigenvalues.map(|v| v.max(0.0).sqrt());
             eigen.eigenvectors * SMatrix::from_diagonal(&roots)
         });
-        Self {
-            frame: propagation.frame(),
-            mount: *mount,
-            parameters,
-            interior_root,
-            velocity: *propagation.velocity(),
-        }
+        Self { frame: propagation.frame(), parameters, interior_root, velocity: *propagation.velocity() }
     }
 
     fn draw(&self, draws: Draws, chunk: u32) -> Vec<Drawn> {
@@ -181,7 +170,7 @@ impl<'a> Drawer<'a> {
         let of = |source: Source| &errors[source.parameters()];
         let turned = |angle: Radians, by: f64| Radians::new(angle.get() + by);
         let mut record = self.frame.record.clone();
-        let mut mount = self.mount;
+        let mut mount = self.frame.mount;
         record.attitude = YawPitchRoll::new(
             turned(record.attitude.yaw, of(Source::Yaw)[0]),
             turned(record.attitude.pitch, of(Source::Pitch)[0]),
@@ -201,14 +190,10 @@ impl<'a> Drawer<'a> {
                 let turn = Vector3::z() * gimbal[0]
                     + Vector3::new(-s, c, 0.0) * gimbal[1]
                     + Vector3::new(c, s, 0.0) * gimbal[2];
-                let head = Rotation::<Ned, Ned>::from_rotation(Rotation3::new(turn))
-                    * angles.rotation::<Ned>();
+                let head =
+                    Rotation::<Ned, Ned>::from_rotation(Rotation3::new(turn)) * angles.rotation::<Ned>();
                 let turned = YawPitchRoll::of(&head);
-                GimbalAngles {
-                    pan: turned.yaw,
-                    elevation: turned.pitch,
-                    roll: turned.roll,
-                }
+                GimbalAngles { pan: turned.yaw, elevation: turned.pitch, roll: turned.roll }
             }
         });
         let boresight = of(Source::Boresight);
@@ -260,12 +245,10 @@ impl Cell {
 
     fn add(&mut self, drawn: &Drawn) {
         let view = &self.view;
-        let ray =
-            view.ray + view.ray_by_interior * drawn.interior + view.ray_by_stored * drawn.picking;
+        let ray = view.ray + view.ray_by_interior * drawn.interior + view.ray_by_stored * drawn.picking;
         let direction = drawn.ned_from_camera * Vector3::new(ray.x, ray.y, 1.0);
         let camera_to_point = view.end - drawn.camera_in_ned;
-        let range = (view.normal.dot(&camera_to_point) + drawn.ground_height_m)
-            / view.normal.dot(&direction);
+        let range = (view.normal.dot(&camera_to_point) + drawn.ground_height_m) / view.normal.dot(&direction);
         if !(range > 0.0 && range.is_finite()) {
             self.misses += 1;
             return;
@@ -282,8 +265,8 @@ impl Cell {
     fn statistics(&self, draws: u32) -> CellStatistics {
         let hits = f64::from(draws - self.misses);
         let mean = self.sum / hits;
-        let std = (self.sum_of_squares / hits - mean.component_mul(&mean))
-            .map(|variance| variance.max(0.0).sqrt());
+        let std =
+            (self.sum_of_squares / hits - mean.component_mul(&mean)).map(|variance| variance.max(0.0).sqrt());
         CellStatistics {
             mean_north_m: mean.x,
             mean_east_m: mean.y,
@@ -313,18 +296,20 @@ impl Cell {
 #[cfg(test)]
 mod tests {
     use super::super::budget::ATTITUDE;
+    use super::super::error_map::{self, Angle};
     use super::super::model::AngleStd;
     use super::super::scenes;
     use super::*;
+    use crate::navigation::Mount;
 
     fn paper_model() -> ErrorModel {
         ErrorModel {
             position_std_m: 2.548,
             height_std_m: 5.0,
             attitude_std: AngleStd {
-                yaw: 0.6_f64.to_radians(),
-                pitch: 0.2_f64.to_radians(),
-                roll: 0.2_f64.to_radians(),
+                yaw: Radians::from_degrees(0.6).get(),
+                pitch: Radians::from_degrees(0.2).get(),
+                roll: Radians::from_degrees(0.2).get(),
             },
             ..ErrorModel::default()
         }
@@ -332,15 +317,12 @@ mod tests {
 
     #[test]
     fn drawing_confirms_the_first_order() {
-        let (frame, mount) = scenes::flight();
+        let frame = scenes::flight();
         let grid = PixelGrid::over(&frame, 6, 4).unwrap();
         for model in [paper_model(), paper_model().only(&ATTITUDE)] {
-            let draws = Draws {
-                seed: 7,
-                count: 200_000,
-            };
-            let map = monte_carlo(&frame, &mount, &model, grid, draws).unwrap();
-            let propagation = FramePropagation::new(&frame, &mount, &model).unwrap();
+            let draws = Draws { seed: 7, count: 200_000 };
+            let map = monte_carlo(&frame, &model, grid, draws).unwrap();
+            let propagation = FramePropagation::new(&frame, &model).unwrap();
             for (pixel, cell) in grid.pixels().into_iter().zip(&map.cells) {
                 let cell = cell.unwrap();
                 let at = propagation.at(pixel).unwrap();
@@ -362,7 +344,7 @@ mod tests {
 
     #[test]
     fn every_source_is_drawn() {
-        let (mut frame, mount) = scenes::flight();
+        let mut frame = scenes::flight();
         frame.record.velocity = Some(Displacement::new(20.0, -3.0, 0.0));
         let mut camera = scenes::paper_camera();
         let mut covariance = SMatrix::<f64, 10, 10>::zeros();
@@ -373,75 +355,34 @@ mod tests {
         camera.covariance = Some(covariance);
         frame.camera = std::sync::Arc::new(camera);
         let sources = [
+            ErrorModel { height_std_m: 3.0, ..ErrorModel::default() },
             ErrorModel {
-                height_std_m: 3.0,
+                gimbal_std: Some(AngleStd { yaw: 0.0, pitch: 1e-3, roll: 0.0 }),
                 ..ErrorModel::default()
             },
-            ErrorModel {
-                gimbal_std: Some(AngleStd {
-                    yaw: 0.0,
-                    pitch: 1e-3,
-                    roll: 0.0,
-                }),
-                ..ErrorModel::default()
-            },
-            ErrorModel {
-                boresight_std: AngleStd::equal(1e-3),
-                ..ErrorModel::default()
-            },
-            ErrorModel {
-                lever_arm_std_m: 0.3,
-                ..ErrorModel::default()
-            },
-            ErrorModel {
-                time_std_s: 0.05,
-                ..ErrorModel::default()
-            },
-            ErrorModel {
-                ground_height_std_m: 3.0,
-                ..ErrorModel::default()
-            },
-            ErrorModel {
-                interior: true,
-                ..ErrorModel::default()
-            },
-            ErrorModel {
-                picking_std_px: 1.0,
-                ..ErrorModel::default()
-            },
+            ErrorModel { boresight_std: AngleStd::equal(1e-3), ..ErrorModel::default() },
+            ErrorModel { lever_arm_std_m: 0.3, ..ErrorModel::default() },
+            ErrorModel { time_std_s: 0.05, ..ErrorModel::default() },
+            ErrorModel { ground_height_std_m: 3.0, ..ErrorModel::default() },
+            ErrorModel { interior: true, ..ErrorModel::default() },
+            ErrorModel { picking_std_px: 1.0, ..ErrorModel::default() },
         ];
         let grid = PixelGrid::over(&frame, 2, 2).unwrap();
-        let head = Mount {
-            gimbal_reference: GimbalReference::Nav,
-            ..mount
-        };
-        for mount in [mount, head] {
-            // A head counted from the horizon has another pose, so the frame is linked anew.
-            let mut frame = super::super::error_map::turned(
-                &frame,
-                &mount,
-                super::super::error_map::Angle::Yaw,
-                Radians::new(0.0),
-            )
-            .unwrap();
-            frame.camera = frame.camera.clone();
+        // A head counted from the horizon has another pose, so the frame is linked anew.
+        frame.mount.gimbal_reference = GimbalReference::Nav;
+        let head = error_map::turned(&frame, Angle::Yaw, Radians::new(0.0)).unwrap();
+        frame.mount.gimbal_reference = GimbalReference::Body;
+        for frame in [frame, head] {
             for model in &sources {
-                let draws = Draws {
-                    seed: 1,
-                    count: 20_000,
-                };
-                let map = monte_carlo(&frame, &mount, model, grid, draws).unwrap();
-                let propagation = FramePropagation::new(&frame, &mount, model).unwrap();
+                let draws = Draws { seed: 1, count: 20_000 };
+                let map = monte_carlo(&frame, model, grid, draws).unwrap();
+                let propagation = FramePropagation::new(&frame, model).unwrap();
                 for (pixel, cell) in grid.pixels().into_iter().zip(&map.cells) {
                     let at = propagation.at(pixel).unwrap();
-                    let drawn =
-                        cell.unwrap().std_north_m.powi(2) + cell.unwrap().std_east_m.powi(2);
+                    let drawn = cell.unwrap().std_north_m.powi(2) + cell.unwrap().std_east_m.powi(2);
                     let claimed = at.covariance.trace();
                     // Std of a variance from 2e4 draws: 1 %.
-                    assert!(
-                        (drawn / claimed - 1.0).abs() < 0.05,
-                        "{model:?}: {drawn} {claimed}"
-                    );
+                    assert!((drawn / claimed - 1.0).abs() < 0.05, "{model:?}: {drawn} {claimed}");
                 }
             }
         }
@@ -449,57 +390,38 @@ mod tests {
 
     #[test]
     fn the_same_at_any_number_of_threads() {
-        let (frame, mount) = scenes::flight();
+        let frame = scenes::flight();
         let grid = PixelGrid::over(&frame, 5, 3).unwrap();
-        let draws = Draws {
-            seed: 3,
-            count: 40_001,
-        };
+        let draws = Draws { seed: 3, count: 40_001 };
         let with = |threads: usize| {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
                 .unwrap()
-                .install(|| monte_carlo(&frame, &mount, &paper_model(), grid, draws).unwrap())
+                .install(|| monte_carlo(&frame, &paper_model(), grid, draws).unwrap())
         };
         let one = with(1);
         assert_eq!(one, with(2));
         let other = Draws { seed: 4, ..draws };
-        assert_ne!(
-            one.cells,
-            monte_carlo(&frame, &mount, &paper_model(), grid, other)
-                .unwrap()
-                .cells
-        );
+        assert_ne!(one.cells, monte_carlo(&frame, &paper_model(), grid, other).unwrap().cells);
     }
 
     #[test]
     fn rays_above_the_horizon_are_counted_not_averaged() {
-        let mount = Mount {
-            gimbal: scenes::gimbal(0.0, -12.0, 0.0),
-            ..Mount::default()
-        };
+        let mount = Mount { gimbal: scenes::gimbal(0.0, -12.0, 0.0), ..Mount::default() };
         let frame = scenes::frame(
-            scenes::record(
-                crate::geodesy::Geodetic::from_degrees(10.0, 20.0, 300.0),
-                0.0,
-                0.0,
-                0.0,
-            ),
+            scenes::record(crate::geodesy::Geodetic::from_degrees(10.0, 20.0, 300.0), 0.0, 0.0, 0.0),
             &mount,
             scenes::paper_camera(),
             std::sync::Arc::new(crate::terrain::ConstantHeight { height_m: 200.0 }),
         );
         let model = ErrorModel {
-            attitude_std: AngleStd::equal(5_f64.to_radians()),
+            attitude_std: AngleStd::equal(Radians::from_degrees(5.0).get()),
             ..ErrorModel::default()
         };
         let grid = PixelGrid::over(&frame, 8, 36).unwrap();
-        let draws = Draws {
-            seed: 5,
-            count: 4_000,
-        };
-        let map = monte_carlo(&frame, &mount, &model, grid, draws).unwrap();
+        let draws = Draws { seed: 5, count: 4_000 };
+        let map = monte_carlo(&frame, &model, grid, draws).unwrap();
         let top = map.cells.iter().flatten().next().unwrap();
         assert!(top.misses > 400, "{top:?}");
         assert_eq!(top.ce90_m, None);

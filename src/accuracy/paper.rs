@@ -57,20 +57,18 @@ const TABLE_1: [Circle; 4] = [
 ];
 
 fn floor_point(frame: &GeoreferencedFrame, pixel: (f64, f64)) -> Point<Ned> {
-    let ground = frame
-        .ground_from_pixel(ImagePoint::new(pixel.0, pixel.1))
-        .unwrap();
+    let ground = frame.ground_from_pixel(ImagePoint::new(pixel.0, pixel.1)).unwrap();
     scenes::ned_of(&scenes::indoor_site(), &ground.position)
 }
 
 #[test]
 fn table_1_true_centres_and_published_positions() {
-    let (frame, _) = scenes::indoor(0.0);
+    let frame = scenes::indoor();
     let mut squares = 0.0;
     let mut worst = 0.0_f64;
     for circle in &TABLE_1 {
-        let in_ecef = *scenes::indoor_site().ecef_from_ned()
-            * Point::<Ned>::new(circle.truth.0, circle.truth.1, 0.0);
+        let in_ecef =
+            *scenes::indoor_site().ecef_from_ned() * Point::<Ned>::new(circle.truth.0, circle.truth.1, 0.0);
         let pixel = frame.pixel_from_ecef(&in_ecef).unwrap();
         let off = (pixel.column - circle.true_pixel.0).hypot(pixel.row - circle.true_pixel.1);
         assert!(off < 0.02, "{pixel:?} is not {:?}", circle.true_pixel);
@@ -91,30 +89,21 @@ fn table_1_true_centres_and_published_positions() {
 
 #[test]
 fn the_optical_axis_meets_the_floor_where_stated() {
-    let (frame, _) = scenes::indoor(0.0);
-    let axis = frame
-        .camera
-        .pixel_from_ray(crate::geometry::Displacement::new(0.0, 0.0, 1.0))
-        .unwrap();
+    let frame = scenes::indoor();
+    let axis = frame.camera.pixel_from_ray(crate::geometry::Displacement::new(0.0, 0.0, 1.0)).unwrap();
     let p = floor_point(&frame, (axis.column, axis.row));
-    assert!(
-        (p.x() - 1.7647).abs() < 1e-4 && (p.y() + 0.4849).abs() < 1e-4,
-        "{p:?}"
-    );
+    assert!((p.x() - 1.7647).abs() < 1e-4 && (p.y() + 0.4849).abs() < 1e-4, "{p:?}");
 }
 
 #[test]
 fn figure_7_one_degree_of_tilt() {
-    let (frame, mount) = scenes::indoor(0.0);
+    let frame = scenes::indoor();
     let shift = |degrees: f64, pixel: (f64, f64)| {
-        let other = turned(&frame, &mount, Angle::Tilt, Radians::from_degrees(degrees)).unwrap();
+        let other = turned(&frame, Angle::Tilt, Radians::from_degrees(degrees)).unwrap();
         shift_between(&frame, &other, ImagePoint::new(pixel.0, pixel.1)).unwrap()
     };
     let near = |found: f64, expected: f64| {
-        assert!(
-            (found - expected).abs() <= 3e-4,
-            "{found} is not {expected}"
-        );
+        assert!((found - expected).abs() <= 3e-4, "{found} is not {expected}");
     };
     // C3's pixel as printed, counted from the upper left, reproduces the 0.045 m read off the figure.
     let (up, down) = (shift(1.0, (947.0, 515.0)), shift(-1.0, (947.0, 515.0)));
@@ -138,22 +127,11 @@ fn figure_7_one_degree_of_tilt() {
 
 #[test]
 fn east_errors_are_not_much_smaller_over_the_whole_frame() {
-    let (frame, mount) = scenes::indoor(0.0);
+    let frame = scenes::indoor();
     let grid = PixelGrid::over(&frame, 96, 54).unwrap();
-    let map = error_map(
-        &frame,
-        &mount,
-        Angle::Tilt,
-        Radians::from_degrees(1.0),
-        grid,
-    )
-    .unwrap();
-    let mut ratios: Vec<f64> = map
-        .cells
-        .iter()
-        .flatten()
-        .map(|shift| (shift.east_m / shift.north_m).abs())
-        .collect();
+    let map = error_map(&frame, Angle::Tilt, Radians::from_degrees(1.0), grid).unwrap();
+    let mut ratios: Vec<f64> =
+        map.cells.iter().flatten().map(|shift| (shift.east_m / shift.north_m).abs()).collect();
     ratios.sort_by(f64::total_cmp);
     let median = ratios[ratios.len() / 2];
     assert!((median - 0.30).abs() < 0.02, "median |dE/dN| {median}");
@@ -161,12 +139,7 @@ fn east_errors_are_not_much_smaller_over_the_whole_frame() {
 
 /// Horizontal distance between two pixels' ground points.
 fn span(frame: &GeoreferencedFrame, from: (f64, f64), to: (f64, f64)) -> f64 {
-    let at = |p: (f64, f64)| {
-        frame
-            .ground_from_pixel(ImagePoint::new(p.0, p.1))
-            .unwrap()
-            .position
-    };
+    let at = |p: (f64, f64)| frame.ground_from_pixel(ImagePoint::new(p.0, p.1)).unwrap().position;
     let p = scenes::ned_of(&LocalTangent::at(at(from)), &at(to));
     p.x().hypot(p.y())
 }
@@ -174,26 +147,18 @@ fn span(frame: &GeoreferencedFrame, from: (f64, f64), to: (f64, f64)) -> f64 {
 /// Pixel that looks straight down.
 fn nadir(frame: &GeoreferencedFrame) -> ImagePoint {
     let below = frame.record.antenna.at_height(700.0);
-    frame
-        .pixel_from_ecef(&WGS84.ecef_from_geodetic(&below))
-        .unwrap()
+    frame.pixel_from_ecef(&WGS84.ecef_from_geodetic(&below)).unwrap()
 }
 
 #[test]
 fn scale_and_spans_of_the_flight() {
-    let (frame, _) = scenes::flight();
+    let frame = scenes::flight();
     let near = |found: f64, expected: f64, tolerance: f64| {
-        assert!(
-            (found - expected).abs() <= tolerance,
-            "{found} is not {expected}"
-        );
+        assert!((found - expected).abs() <= tolerance, "{found} is not {expected}");
     };
     let one_pixel = |frame: &GeoreferencedFrame, p: ImagePoint| {
         let (c, r) = (p.column, p.row);
-        (
-            span(frame, (c - 0.5, r), (c + 0.5, r)),
-            span(frame, (c, r - 0.5), (c, r + 0.5)),
-        )
+        (span(frame, (c - 0.5, r), (c + 0.5, r)), span(frame, (c, r - 0.5), (c, r + 0.5)))
     };
     let (across, down) = one_pixel(&frame, frame.image_centre());
     near(across, 0.4837, 1e-4);
@@ -202,10 +167,9 @@ fn scale_and_spans_of_the_flight() {
     near(span(&frame, (0.0, r), (1151.0, r)), 571.1, 0.05);
     near(span(&frame, (c, 0.0), (c, 647.0)), 311.1, 0.05);
     // A level UAV: the optical axis is the plumb line.
-    let (_, mount) = scenes::flight();
     let level = scenes::frame(
         scenes::record(frame.record.antenna, 180.0, 0.0, 0.0),
-        &mount,
+        &frame.mount,
         scenes::paper_camera(),
         frame.ground.clone(),
     );
@@ -223,36 +187,21 @@ fn runway_pixels(frame: &GeoreferencedFrame, centre: ImagePoint) -> [ImagePoint;
         let in_tangent = Point::<Ned>::new(along * c - aside * s, along * s + aside * c, 0.0);
         let place = WGS84.geodetic_from_ecef(&(*site.ecef_from_ned() * in_tangent));
         // The tangent plane stands 1 mm above the ground 112 m away.
-        frame
-            .pixel_from_ecef(&WGS84.ecef_from_geodetic(&place.at_height(700.0)))
-            .unwrap()
+        frame.pixel_from_ecef(&WGS84.ecef_from_geodetic(&place.at_height(700.0))).unwrap()
     })
 }
 
 #[test]
 fn length_and_width_of_the_runway() {
-    let (frame, mount) = scenes::flight();
-    let pick = |pixel: ImagePoint| PickedPixel {
-        pixel,
-        height_m: None,
-    };
+    let frame = scenes::flight();
+    let pick = |pixel: ImagePoint| PickedPixel { pixel, height_m: None };
     let recovered = |model: &ErrorModel, a: ImagePoint, b: ImagePoint| {
-        let p = FramePropagation::new(&frame, &mount, model).unwrap();
+        let p = FramePropagation::new(&frame, model).unwrap();
         recover((&p, pick(a)), (&p, pick(b))).unwrap()
     };
-    let height = |height_std_m: f64| ErrorModel {
-        height_std_m,
-        ..ErrorModel::default()
-    };
-    let picking = ErrorModel {
-        picking_std_px: 1.0,
-        ..ErrorModel::default()
-    };
-    let all = |height_std_m: f64| ErrorModel {
-        picking_std_px: 1.0,
-        height_std_m,
-        ..paper_model()
-    };
+    let height = |height_std_m: f64| ErrorModel { height_std_m, ..ErrorModel::default() };
+    let picking = ErrorModel { picking_std_px: 1.0, ..ErrorModel::default() };
+    let all = |height_std_m: f64| ErrorModel { picking_std_px: 1.0, height_std_m, ..paper_model() };
     // The paper does not say where in the frame the runway lies: here, and up to 100 pixels away.
     for centre in [frame.image_centre(), ImagePoint::new(480.0, 250.0)] {
         let [start, end, left, right] = runway_pixels(&frame, centre);
@@ -291,9 +240,9 @@ fn paper_model() -> ErrorModel {
         position_std_m: circular::std_from_circular(3.0, 0.5).unwrap(),
         height_std_m: 5.0,
         attitude_std: AngleStd {
-            yaw: 0.6_f64.to_radians(),
-            pitch: 0.2_f64.to_radians(),
-            roll: 0.2_f64.to_radians(),
+            yaw: Radians::from_degrees(0.6).get(),
+            pitch: Radians::from_degrees(0.2).get(),
+            roll: Radians::from_degrees(0.2).get(),
         },
         ..ErrorModel::default()
     }
@@ -301,11 +250,11 @@ fn paper_model() -> ErrorModel {
 
 #[test]
 fn equation_11() {
-    let (frame, mount) = scenes::flight();
+    let frame = scenes::flight();
     let model = paper_model();
-    let propagation = FramePropagation::new(&frame, &mount, &model).unwrap();
+    let propagation = FramePropagation::new(&frame, &model).unwrap();
     // Four corner pixels have no inverse lens, so the budget goes to 90 % of the way.
-    let whole = budget::budget(&frame, &mount, &model).unwrap();
+    let whole = budget::budget(&frame, &model).unwrap();
     assert_eq!(whole.corner_fraction, 0.9);
     assert!((whole.position_cep50_m - 3.0).abs() < 1e-12 && whole.missing.is_empty());
     let at_nadir = budget::budget_at(&propagation, "nadir", nadir(&frame)).unwrap();
@@ -317,23 +266,18 @@ fn equation_11() {
         ("lower right", 3.31, 4.89, 5.75),
         ("lower left", 2.73, 3.95, 4.98),
     ];
-    for (point, (place, attitude, with_height, total)) in std::iter::once(&at_nadir)
-        .chain(&whole.points)
-        .zip(expected)
+    for (point, (place, attitude, with_height, total)) in
+        std::iter::once(&at_nadir).chain(&whole.points).zip(expected)
     {
         assert_eq!(point.place, place);
         // 0.1 %, or half of the last printed digit.
         let near = |found: f64, expected: f64| {
-            let tolerance =
-                (1e-3 * expected).max(if expected == (expected * 100.0).round() / 100.0 {
-                    0.005
-                } else {
-                    0.0005
-                });
-            assert!(
-                (found - expected).abs() <= tolerance,
-                "{place}: {found} is not {expected}"
-            );
+            let tolerance = (1e-3 * expected).max(if expected == (expected * 100.0).round() / 100.0 {
+                0.005
+            } else {
+                0.0005
+            });
+            assert!((found - expected).abs() <= tolerance, "{place}: {found} is not {expected}");
         };
         near(point.epsilon_attitude_m, attitude);
         near(point.epsilon_m, with_height);
@@ -357,14 +301,11 @@ fn equation_11() {
 
 #[test]
 fn equation_11_by_drawing() {
-    let (frame, mount) = scenes::flight();
+    let frame = scenes::flight();
     // One cell: its centre is the image centre. 4e5 draws: the sample CEP50 has a std of 0.12 %.
     let grid = PixelGrid::over(&frame, 1, 1).unwrap();
-    let draws = Draws {
-        seed: 2014,
-        count: 400_000,
-    };
-    let map = monte_carlo(&frame, &mount, &paper_model(), grid, draws).unwrap();
+    let draws = Draws { seed: 2014, count: 400_000 };
+    let map = monte_carlo(&frame, &paper_model(), grid, draws).unwrap();
     let cep = map.cells[0].unwrap().cep50_m.unwrap();
     assert!((cep / 3.381 - 1.0).abs() < 0.005, "{cep}");
 }
@@ -373,21 +314,10 @@ fn equation_11_by_drawing() {
 #[test]
 fn four_grades_of_navigation() {
     let (width, height) = (1600_u32, 900_u32);
-    let focal = 0.5 * f64::from(width) / 30_f64.to_radians().tan();
+    let focal = 0.5 * f64::from(width) / Radians::from_degrees(30.0).get().tan();
     let centre = |n: u32| 0.5 * (f64::from(n) - 1.0);
-    let brown = Brown::new([
-        focal,
-        focal,
-        0.0,
-        centre(width),
-        centre(height),
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-    ])
-    .unwrap();
+    let brown =
+        Brown::new([focal, focal, 0.0, centre(width), centre(height), 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
     let mut record = scenes::record(Geodetic::from_degrees(50.0, 8.0, 100.0), 0.0, 0.0, 0.0);
     record.velocity = Some(crate::geometry::Displacement::new(15.0, 0.0, 0.0));
     let mount = Mount::default();
@@ -399,35 +329,25 @@ fn four_grades_of_navigation() {
     );
     // σ of position h, v (m), roll = pitch, yaw (°), time (s), ground (m); centre CEP50, CE90; corner.
     for (sigmas, expected) in [
-        (
-            [0.02, 0.03, 0.03, 0.1, 0.002, 0.5],
-            [0.07, 0.13, 0.27, 0.58],
-        ),
+        ([0.02, 0.03, 0.03, 0.1, 0.002, 0.5], [0.07, 0.13, 0.27, 0.58]),
         ([1.0, 1.5, 0.1, 0.3, 0.01, 1.0], [1.20, 2.19, 1.56, 2.92]),
         ([1.5, 2.5, 0.2, 1.0, 0.02, 2.0], [1.83, 3.33, 2.69, 5.01]),
         ([2.5, 4.0, 1.0, 3.0, 0.05, 3.0], [3.64, 6.64, 5.61, 10.22]),
     ] {
-        let [
-            position_std_m,
-            height_std_m,
-            tilt,
-            yaw,
-            time_std_s,
-            ground_height_std_m,
-        ] = sigmas;
+        let [position_std_m, height_std_m, tilt, yaw, time_std_s, ground_height_std_m] = sigmas;
         let model = ErrorModel {
             position_std_m,
             height_std_m,
             attitude_std: AngleStd {
-                yaw: yaw.to_radians(),
-                pitch: tilt.to_radians(),
-                roll: tilt.to_radians(),
+                yaw: Radians::from_degrees(yaw).get(),
+                pitch: Radians::from_degrees(tilt).get(),
+                roll: Radians::from_degrees(tilt).get(),
             },
             time_std_s,
             ground_height_std_m,
             ..ErrorModel::default()
         };
-        let propagation = FramePropagation::new(&frame, &mount, &model).unwrap();
+        let propagation = FramePropagation::new(&frame, &model).unwrap();
         let corner = ImagePoint::new(-0.5, -0.5);
         let found = [frame.image_centre(), corner].map(|pixel| {
             let at = propagation.at(pixel).unwrap();
@@ -436,10 +356,7 @@ fn four_grades_of_navigation() {
         for (found, expected) in found.as_flattened().iter().zip(expected) {
             // 2 %, or half of the last printed digit.
             let tolerance = (0.02_f64 * expected).max(0.005);
-            assert!(
-                (found - expected).abs() <= tolerance,
-                "{sigmas:?}: {found} is not {expected}"
-            );
+            assert!((found - expected).abs() <= tolerance, "{sigmas:?}: {found} is not {expected}");
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::camera::ImagePoint;
 use crate::geodesy::{Geodetic, LocalTangent, WGS84};
 use crate::geometry::Ned;
 use crate::georeference::{GeoreferencedFrame, GroundPoint, LocateError};
-use crate::navigation::{GimbalReference, Mount};
+use crate::navigation::GimbalReference;
 use crate::terrain::Terrain;
 use crate::units::Radians;
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
@@ -130,27 +130,20 @@ pub(super) struct View {
 #[derive(Debug, Clone, Copy)]
 enum Turn {
     /// About an axis through a pivot.
-    About {
-        axis: Vector3<f64>,
-        pivot: Vector3<f64>,
-    },
+    About { axis: Vector3<f64>, pivot: Vector3<f64> },
     /// The whole ray moves along.
     Shift(Vector3<f64>),
 }
 
 impl<'a> FramePropagation<'a> {
-    /// Prepares the frame. `mount` is the mounting the frame's chain was linked with.
+    /// Prepares the frame.
     ///
     /// # Errors
     /// [`PropagationError::Model`], [`PropagationError::NoSpeed`],
     /// [`PropagationError::NoInteriorCovariance`].
-    pub fn new(
-        frame: &'a GeoreferencedFrame,
-        mount: &Mount,
-        model: &ErrorModel,
-    ) -> Result<Self, PropagationError> {
+    pub fn new(frame: &'a GeoreferencedFrame, model: &ErrorModel) -> Result<Self, PropagationError> {
         model.validate()?;
-        let record = &frame.record;
+        let (record, mount) = (&frame.record, &frame.mount);
         let chain = &frame.chain;
         let velocity = match (record.velocity, record.ground_speed_m_s) {
             (Some(v), _) => [v.vector(), Vector3::zeros()],
@@ -160,9 +153,7 @@ impl<'a> FramePropagation<'a> {
                 [Vector3::x() * each, Vector3::y() * each]
             }
             (None, None) if model.time_std_s > 0.0 => {
-                return Err(PropagationError::NoSpeed {
-                    time_std_s: model.time_std_s,
-                });
+                return Err(PropagationError::NoSpeed { time_std_s: model.time_std_s });
             }
             (None, None) => [Vector3::zeros(); 2],
         };
@@ -176,19 +167,12 @@ impl<'a> FramePropagation<'a> {
             ned_from_body * (chain.gimbal_in_body + chain.antenna_in_body * -1.0).vector();
         let angles = record.gimbal.unwrap_or(mount.gimbal);
         let boresight_axes = mount.boresight.increment_axes();
-        let about_antenna = |axis| Turn::About {
-            axis,
-            pivot: Vector3::zeros(),
-        };
-        let about_gimbal = |axis| Turn::About {
-            axis,
-            pivot: antenna_to_gimbal,
-        };
+        let about_antenna = |axis| Turn::About { axis, pivot: Vector3::zeros() };
+        let about_gimbal = |axis| Turn::About { axis, pivot: antenna_to_gimbal };
         let attitude = record.attitude.increment_axes();
         let turns = match mount.gimbal_reference {
             GimbalReference::Body => {
-                let ned_from_mount =
-                    ned_from_body * mount.boresight.rotation::<Ned, Ned>().matrix();
+                let ned_from_mount = ned_from_body * mount.boresight.rotation::<Ned, Ned>().matrix();
                 let gimbal_axes = angles.as_yaw_pitch_roll().increment_axes();
                 [
                     about_antenna(attitude[0]),
@@ -222,11 +206,7 @@ impl<'a> FramePropagation<'a> {
         let ecef_from_ned = chain.tangent.ecef_from_ned();
         Ok(Self {
             frame,
-            parameters: ParameterCovariance::new(
-                model,
-                mount.gimbal_reference,
-                frame.camera.covariance,
-            ),
+            parameters: ParameterCovariance::new(model, mount.gimbal_reference, frame.camera.covariance),
             ned_from_ecef: ecef_from_ned.rotation.matrix().transpose(),
             antenna_in_ecef: ecef_from_ned.origin.vector(),
             camera_in_ned: pose.origin.vector(),
@@ -267,11 +247,7 @@ impl<'a> FramePropagation<'a> {
     ///
     /// # Errors
     /// As [`Self::at`].
-    pub fn at_height(
-        &self,
-        stored: ImagePoint,
-        height_m: f64,
-    ) -> Result<PixelAccuracy, PropagationError> {
+    pub fn at_height(&self, stored: ImagePoint, height_m: f64) -> Result<PixelAccuracy, PropagationError> {
         let ground = self.frame.ground_from_pixel_at_height(stored, height_m)?;
         self.accuracy(stored, ground, [0.0, 0.0])
     }
@@ -336,14 +312,10 @@ impl<'a> FramePropagation<'a> {
         ground: &GroundPoint,
         slope: [f64; 2],
     ) -> Result<View, PropagationError> {
-        let no_ray = LocateError::NoRay {
-            column: stored.column,
-            row: stored.row,
-        };
+        let no_ray = LocateError::NoRay { column: stored.column, row: stored.row };
         let sensor = self.frame.sensor_from_stored(stored);
         let ray = self.frame.camera.ray_from_pixel(sensor).ok_or(no_ray)?;
-        let (ray_by_sensor, ray_by_interior) =
-            self.frame.camera.ray_derivatives(sensor).ok_or(no_ray)?;
+        let (ray_by_sensor, ray_by_interior) = self.frame.camera.ray_derivatives(sensor).ok_or(no_ray)?;
         let turned = |column: f64, row: f64| {
             let p = self.frame.sensor_from_stored(ImagePoint::new(column, row));
             Vector2::new(p.column, p.row)
@@ -352,14 +324,11 @@ impl<'a> FramePropagation<'a> {
             turned(1.0, 0.0) - turned(0.0, 0.0),
             turned(0.0, 1.0) - turned(0.0, 0.0),
         ]);
-        let end = self.ned_from_ecef
-            * (WGS84.ecef_from_geodetic(&ground.position).vector() - self.antenna_in_ecef);
+        let end =
+            self.ned_from_ecef * (WGS84.ecef_from_geodetic(&ground.position).vector() - self.antenna_in_ecef);
         // Columns: north, east and down at the ground point.
-        let ned_from_ground = self.ned_from_ecef
-            * LocalTangent::at(ground.position)
-                .ecef_from_ned()
-                .rotation
-                .matrix();
+        let ned_from_ground =
+            self.ned_from_ecef * LocalTangent::at(ground.position).ecef_from_ned().rotation.matrix();
         let (north, east) = (ned_from_ground.column(0), ned_from_ground.column(1));
         let up = -ned_from_ground.column(2);
         let normal = up - north * slope[0] - east * slope[1];
@@ -368,7 +337,7 @@ impl<'a> FramePropagation<'a> {
         const MIN_SINE: f64 = 1.7e-3;
         if sine < MIN_SINE {
             return Err(PropagationError::Grazing {
-                angle_deg: sine.clamp(-1.0, 1.0).asin().to_degrees(),
+                angle_deg: Radians::new(sine.clamp(-1.0, 1.0).asin()).degrees(),
             });
         }
         Ok(View {
@@ -403,14 +372,8 @@ impl<'a> FramePropagation<'a> {
             by + turn.cross(&end)
         };
         let first = |source: Source| source.parameters().start;
-        put(
-            first(Source::Position),
-            on_ground(moved_antenna(&Vector3::x()), 0.0),
-        );
-        put(
-            first(Source::Position) + 1,
-            on_ground(moved_antenna(&Vector3::y()), 0.0),
-        );
+        put(first(Source::Position), on_ground(moved_antenna(&Vector3::x()), 0.0));
+        put(first(Source::Position) + 1, on_ground(moved_antenna(&Vector3::y()), 0.0));
         put(first(Source::Height), on_ground(-Vector3::z(), 0.0));
         for (k, turn) in self.turns.iter().enumerate() {
             let v = match turn {
@@ -420,35 +383,20 @@ impl<'a> FramePropagation<'a> {
             put(first(Source::Yaw) + k, on_ground(v, 0.0));
         }
         for k in 0..3 {
-            put(
-                first(Source::LeverArm) + k,
-                on_ground(self.ned_from_body.column(k).into(), 0.0),
-            );
+            put(first(Source::LeverArm) + k, on_ground(self.ned_from_body.column(k).into(), 0.0));
         }
         for (k, velocity) in self.velocity.iter().enumerate() {
-            put(
-                first(Source::Time) + k,
-                on_ground(moved_antenna(velocity), 0.0),
-            );
+            put(first(Source::Time) + k, on_ground(moved_antenna(velocity), 0.0));
         }
-        put(
-            first(Source::GroundHeight),
-            on_ground(Vector3::zeros(), 1.0),
-        );
+        put(first(Source::GroundHeight), on_ground(Vector3::zeros(), 1.0));
         // The ray's end moves sideways by the depth along the optical axis times the change of (x, y).
         let depth = self.ned_from_camera.column(2).dot(&sight);
         let axes = self.ned_from_camera.fixed_columns::<2>(0) * depth;
         for k in 0..10 {
-            put(
-                first(Source::Interior) + k,
-                on_ground(axes * view.ray_by_interior.column(k), 0.0),
-            );
+            put(first(Source::Interior) + k, on_ground(axes * view.ray_by_interior.column(k), 0.0));
         }
         for k in 0..2 {
-            put(
-                first(Source::Picking) + k,
-                on_ground(axes * view.ray_by_stored.column(k), 0.0),
-            );
+            put(first(Source::Picking) + k, on_ground(axes * view.ray_by_stored.column(k), 0.0));
         }
         jacobian
     }
@@ -462,10 +410,7 @@ fn transport(at: &Geodetic) -> [Vector3<f64>; 2] {
     let prime_vertical = WGS84.semi_major_m / w2.sqrt();
     let meridian = prime_vertical * (1.0 - e2) / w2;
     let h = at.height.get();
-    [
-        Vector3::new(0.0, -1.0 / (meridian + h), 0.0),
-        Vector3::new(1.0, 0.0, -sin / cos) / (prime_vertical + h),
-    ]
+    [Vector3::new(0.0, -1.0 / (meridian + h), 0.0), Vector3::new(1.0, 0.0, -sin / cos) / (prime_vertical + h)]
 }
 
 /// Slope of a terrain by differences over ±`reach` metres; one-sided where the other side has no data.
@@ -476,10 +421,7 @@ fn slope_of(terrain: &dyn Terrain, at: &Geodetic, reach: f64) -> Option<[f64; 2]
         let w2 = 1.0 - e2 * sin * sin;
         let prime_vertical = WGS84.semi_major_m / w2.sqrt();
         let h = at.height.get();
-        [
-            1.0 / (prime_vertical * (1.0 - e2) / w2 + h),
-            1.0 / ((prime_vertical + h) * cos),
-        ]
+        [1.0 / (prime_vertical * (1.0 - e2) / w2 + h), 1.0 / ((prime_vertical + h) * cos)]
     };
     let shifted = |north: f64, east: f64| Geodetic {
         latitude: Radians::new(at.latitude.get() + north * per_north),

@@ -41,15 +41,7 @@ pub(super) fn frame(
     camera: Camera,
     ground: Arc<dyn Terrain>,
 ) -> GeoreferencedFrame {
-    GeoreferencedFrame::new(
-        "IMG_0001.jpg".to_owned(),
-        record,
-        mount,
-        Arc::new(camera),
-        ground,
-        1e5,
-    )
-    .unwrap()
+    GeoreferencedFrame::new("IMG_0001.jpg".to_owned(), record, mount, Arc::new(camera), ground, 1e5).unwrap()
 }
 
 /// Gimbal angles in degrees, elevation up.
@@ -66,23 +58,13 @@ pub(super) fn indoor_site() -> LocalTangent {
     LocalTangent::at(Geodetic::from_degrees(-23.2, -45.9, 600.0))
 }
 
-/// Sect. 4.1: tripod at (-0.021, -0.037, -1.154) m, pan -14.08°, ELEVATION -32.08° (plus a change).
-pub(super) fn indoor(elevation_change_deg: f64) -> (GeoreferencedFrame, Mount) {
-    let mount = Mount {
-        gimbal: gimbal(-14.08, -32.08 + elevation_change_deg, 0.0),
-        ..Mount::default()
-    };
-    let antenna = WGS84.geodetic_from_ecef(
-        &(*indoor_site().ecef_from_ned() * Point::<Ned>::new(-0.021, -0.037, -1.154)),
-    );
+/// Sect. 4.1: tripod at (-0.021, -0.037, -1.154) m, pan -14.08°, ELEVATION -32.08°.
+pub(super) fn indoor() -> GeoreferencedFrame {
+    let mount = Mount { gimbal: gimbal(-14.08, -32.08, 0.0), ..Mount::default() };
+    let antenna = WGS84
+        .geodetic_from_ecef(&(*indoor_site().ecef_from_ned() * Point::<Ned>::new(-0.021, -0.037, -1.154)));
     let floor = Arc::new(ConstantHeight { height_m: 600.0 });
-    let frame = frame(
-        record(antenna, 0.0, 0.0, 0.0),
-        &mount,
-        paper_camera(),
-        floor,
-    );
-    (frame, mount)
+    frame(record(antenna, 0.0, 0.0, 0.0), &mount, paper_camera(), floor)
 }
 
 /// North, east, down of a position in a tangent frame, metres.
@@ -91,22 +73,10 @@ pub(super) fn ned_of(site: &LocalTangent, position: &Geodetic) -> Point<Ned> {
 }
 
 /// Sect. 4.3: 357.46 m above ground, attitude (0.0356; 0.057; 3.166) rad, gimbal pan -π/2, tilt π/2 down.
-pub(super) fn flight() -> (GeoreferencedFrame, Mount) {
-    let mount = Mount {
-        gimbal: gimbal(-90.0, -90.0, 0.0),
-        ..Mount::default()
-    };
-    let mut record = record(
-        Geodetic::from_degrees(-23.1, -46.0, 700.0 + 357.46),
-        0.0,
-        0.0,
-        0.0,
-    );
-    record.attitude = YawPitchRoll::new(
-        Radians::new(3.166),
-        Radians::new(0.057),
-        Radians::new(0.0356),
-    );
+pub(super) fn flight() -> GeoreferencedFrame {
+    let mount = Mount { gimbal: gimbal(-90.0, -90.0, 0.0), ..Mount::default() };
+    let mut record = record(Geodetic::from_degrees(-23.1, -46.0, 700.0 + 357.46), 0.0, 0.0, 0.0);
+    record.attitude = YawPitchRoll::new(Radians::new(3.166), Radians::new(0.057), Radians::new(0.0356));
     let ground = Arc::new(ConstantHeight { height_m: 700.0 });
-    (frame(record, &mount, paper_camera(), ground), mount)
+    frame(record, &mount, paper_camera(), ground)
 }

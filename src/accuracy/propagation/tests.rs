@@ -6,7 +6,7 @@ use super::*;
 use crate::camera::{Brown, Camera, PixelRotation};
 use crate::geometry::attitude::YawPitchRoll;
 use crate::geometry::{Displacement, Gimbal, Point, Rotation};
-use crate::navigation::{GimbalAngles, NavigationRecord};
+use crate::navigation::{GimbalAngles, Mount, NavigationRecord};
 use crate::terrain::{ConstantHeight, NoGround};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -24,9 +24,7 @@ struct Setup {
 impl Setup {
     fn frame(&self) -> GeoreferencedFrame {
         let camera = Camera::new(Brown::new(self.interior).unwrap(), 1152, 648, None).unwrap();
-        let ground = Arc::new(ConstantHeight {
-            height_m: self.ground_height_m,
-        });
+        let ground = Arc::new(ConstantHeight { height_m: self.ground_height_m });
         scenes::frame(self.record.clone(), &self.mount, camera, ground)
     }
 
@@ -36,8 +34,8 @@ impl Setup {
         let add = |angle: &mut Radians, by: f64| *angle = Radians::new(angle.get() + by);
         let move_antenna = |s: &mut Self, ned: Vector3<f64>| {
             let tangent = LocalTangent::at(self.record.antenna);
-            s.record.antenna = WGS84
-                .geodetic_from_ecef(&(*tangent.ecef_from_ned() * Point::<Ned>::from_vector(ned)));
+            s.record.antenna =
+                WGS84.geodetic_from_ecef(&(*tangent.ecef_from_ned() * Point::<Ned>::from_vector(ned)));
         };
         match column {
             0 => move_antenna(&mut s, Vector3::x() * by),
@@ -58,19 +56,13 @@ impl Setup {
                     ),
                     GimbalReference::Nav => {
                         let (sin, cos) = angles.pan.get().sin_cos();
-                        let axis = [
-                            Vector3::z(),
-                            Vector3::new(-sin, cos, 0.0),
-                            Vector3::new(cos, sin, 0.0),
-                        ][column - 6];
+                        let axis = [Vector3::z(), Vector3::new(-sin, cos, 0.0), Vector3::new(cos, sin, 0.0)]
+                            [column - 6];
                         let turn: Rotation<Ned, Ned> =
                             Rotation::from_rotation(nalgebra::Rotation3::new(axis * by));
                         let turned = YawPitchRoll::of(&(turn * angles.rotation::<Ned>()));
-                        *angles = GimbalAngles {
-                            pan: turned.yaw,
-                            elevation: turned.pitch,
-                            roll: turned.roll,
-                        };
+                        *angles =
+                            GimbalAngles { pan: turned.yaw, elevation: turned.pitch, roll: turned.roll };
                     }
                 }
             }
@@ -80,10 +72,8 @@ impl Setup {
             // Half through the antenna's arm and half through the gimbal's: only their difference counts.
             12..=14 => {
                 let arm = Vector3::ith(column - 12, by);
-                s.mount.antenna_in_body =
-                    s.mount.antenna_in_body + Displacement::from_vector(arm * -0.5);
-                s.mount.gimbal_in_body =
-                    s.mount.gimbal_in_body + Displacement::from_vector(arm * 0.5);
+                s.mount.antenna_in_body = s.mount.antenna_in_body + Displacement::from_vector(arm * -0.5);
+                s.mount.gimbal_in_body = s.mount.gimbal_in_body + Displacement::from_vector(arm * 0.5);
             }
             15 => move_antenna(&mut s, self.record.velocity.unwrap().vector() * by),
             16 => {}
@@ -118,10 +108,7 @@ fn numeric_column(setup: &Setup, site: &LocalTangent, column: usize) -> [f64; 2]
     let difference = |h: f64| {
         let up = scenes::ned_of(site, &setup.changed(column, h).ground());
         let down = scenes::ned_of(site, &setup.changed(column, -h).ground());
-        [
-            (up.x() - down.x()) / (2.0 * h),
-            (up.y() - down.y()) / (2.0 * h),
-        ]
+        [(up.x() - down.x()) / (2.0 * h), (up.y() - down.y()) / (2.0 * h)]
     };
     let h = Setup::step(column);
     let (wide, narrow) = (difference(2.0 * h), difference(h));
@@ -161,7 +148,7 @@ proptest! {
         };
         let model = ErrorModel { position_std_m: 1.0, ..ErrorModel::default() };
         let frame = setup.frame();
-        let jacobian = FramePropagation::new(&frame, &mount, &model).unwrap().at(pixel).unwrap().jacobian;
+        let jacobian = FramePropagation::new(&frame, &model).unwrap().at(pixel).unwrap().jacobian;
         let site = LocalTangent::at(setup.ground());
         for column in 0..PARAMETERS {
             let analytic = jacobian.column(column);
@@ -203,10 +190,7 @@ impl Terrain for Slope {
 #[test]
 fn a_slope_tilts_the_ground_under_the_ray() {
     let site = LocalTangent::at(Geodetic::from_degrees(47.0, 8.0, 100.0));
-    let mount = Mount {
-        gimbal: scenes::gimbal(20.0, -60.0, 0.0),
-        ..Mount::default()
-    };
+    let mount = Mount { gimbal: scenes::gimbal(20.0, -60.0, 0.0), ..Mount::default() };
     let antenna = Geodetic::from_degrees(47.0, 8.0, 420.0);
     let build = |yaw: f64| {
         scenes::frame(
@@ -216,16 +200,10 @@ fn a_slope_tilts_the_ground_under_the_ray() {
             Arc::new(Slope(site)),
         )
     };
-    let model = ErrorModel {
-        attitude_std: AngleStd::equal(1e-3),
-        ..ErrorModel::default()
-    };
+    let model = ErrorModel { attitude_std: AngleStd::equal(1e-3), ..ErrorModel::default() };
     let frame = build(30.0);
     let pixel = ImagePoint::new(400.0, 200.0);
-    let at = FramePropagation::new(&frame, &mount, &model)
-        .unwrap()
-        .at(pixel)
-        .unwrap();
+    let at = FramePropagation::new(&frame, &model).unwrap().at(pixel).unwrap();
     let here = LocalTangent::at(at.ground.position);
     let step = 0.05_f64;
     let moved = |by: f64| {
@@ -234,13 +212,13 @@ fn a_slope_tilts_the_ground_under_the_ray() {
     };
     let (up, down) = (moved(step), moved(-step));
     let by_yaw = at.jacobian.column(Source::Yaw.parameters().start);
-    let span = 2.0 * step.to_radians();
+    let span = 2.0 * Radians::from_degrees(step).get();
     // The elevation model is met to 10 µm, over a step of 0.3 m.
     let tolerance = 2e-4 * by_yaw.norm();
     assert!(((up.x() - down.x()) / span - by_yaw[0]).abs() < tolerance);
     assert!(((up.y() - down.y()) / span - by_yaw[1]).abs() < tolerance);
     // On level ground the same turn would not change the distance; here it does by the slope.
-    let level = FramePropagation::new(&frame, &mount, &model)
+    let level = FramePropagation::new(&frame, &model)
         .unwrap()
         .at_height(pixel, at.ground.position.height.get())
         .unwrap();
@@ -250,7 +228,7 @@ fn a_slope_tilts_the_ground_under_the_ray() {
 
 #[test]
 fn shares_add_up_to_the_covariance() {
-    let (frame, mount) = scenes::flight();
+    let frame = scenes::flight();
     let model = ErrorModel {
         position_std_m: 2.5,
         height_std_m: 5.0,
@@ -261,10 +239,7 @@ fn shares_add_up_to_the_covariance() {
         picking_std_px: 0.5,
         ..ErrorModel::default()
     };
-    let at = FramePropagation::new(&frame, &mount, &model)
-        .unwrap()
-        .at(ImagePoint::new(900.0, 120.0))
-        .unwrap();
+    let at = FramePropagation::new(&frame, &model).unwrap().at(ImagePoint::new(900.0, 120.0)).unwrap();
     let sum: f64 = at.variance_by_source.iter().sum();
     assert!((sum - at.covariance.trace()).abs() < 1e-12 * sum);
     let e = at.ellipse;
@@ -274,29 +249,15 @@ fn shares_add_up_to_the_covariance() {
 
 #[test]
 fn what_cannot_be_propagated_is_said() {
-    let (frame, mount) = scenes::flight();
-    let late = ErrorModel {
-        time_std_s: 0.02,
-        ..ErrorModel::default()
-    };
-    let refused = FramePropagation::new(&frame, &mount, &late).err().unwrap();
-    assert!(
-        matches!(refused, PropagationError::NoSpeed { .. }),
-        "{refused}"
-    );
-    let interior = ErrorModel {
-        interior: true,
-        ..ErrorModel::default()
-    };
-    let refused = FramePropagation::new(&frame, &mount, &interior)
-        .err()
-        .unwrap();
+    let frame = scenes::flight();
+    let late = ErrorModel { time_std_s: 0.02, ..ErrorModel::default() };
+    let refused = FramePropagation::new(&frame, &late).err().unwrap();
+    assert!(matches!(refused, PropagationError::NoSpeed { .. }), "{refused}");
+    let interior = ErrorModel { interior: true, ..ErrorModel::default() };
+    let refused = FramePropagation::new(&frame, &interior).err().unwrap();
     assert_eq!(refused, PropagationError::NoInteriorCovariance);
-    let model = ErrorModel {
-        height_std_m: 1.0,
-        ..ErrorModel::default()
-    };
-    let propagation = FramePropagation::new(&frame, &mount, &model).unwrap();
+    let model = ErrorModel { height_std_m: 1.0, ..ErrorModel::default() };
+    let propagation = FramePropagation::new(&frame, &model).unwrap();
     assert!(matches!(
         propagation.at(ImagePoint::new(0.0, 0.0)),
         Err(PropagationError::Locate(LocateError::NoRay { .. }))
@@ -305,21 +266,12 @@ fn what_cannot_be_propagated_is_said() {
 
 #[test]
 fn a_speed_without_direction_keeps_its_square() {
-    let (mut frame, mount) = scenes::flight();
-    let model = ErrorModel {
-        time_std_s: 0.1,
-        ..ErrorModel::default()
-    };
+    let mut frame = scenes::flight();
+    let model = ErrorModel { time_std_s: 0.1, ..ErrorModel::default() };
     frame.record.ground_speed_m_s = Some(20.0);
-    let speed = FramePropagation::new(&frame, &mount, &model)
-        .unwrap()
-        .at(ImagePoint::new(600.0, 300.0))
-        .unwrap();
+    let speed = FramePropagation::new(&frame, &model).unwrap().at(ImagePoint::new(600.0, 300.0)).unwrap();
     frame.record.velocity = Some(Displacement::new(12.0, 16.0, 0.0));
-    let velocity = FramePropagation::new(&frame, &mount, &model)
-        .unwrap()
-        .at(ImagePoint::new(600.0, 300.0))
-        .unwrap();
+    let velocity = FramePropagation::new(&frame, &model).unwrap().at(ImagePoint::new(600.0, 300.0)).unwrap();
     let (a, b) = (speed.covariance.trace(), velocity.covariance.trace());
     assert!((a - 4.0).abs() < 1e-3 && (b - 4.0).abs() < 1e-3, "{a} {b}");
 }
