@@ -17,6 +17,8 @@ pub struct GeoreferencedFrame {
     pub name: String,
     /// The record that the pose came from, at the instant of exposure.
     pub record: NavigationRecord,
+    /// How the camera that took it is mounted.
+    pub mount: Mount,
     /// The chain of frames.
     pub chain: Chain,
     /// The camera that took it.
@@ -116,6 +118,7 @@ impl GeoreferencedFrame {
         let mut frame = Self {
             name,
             record,
+            mount: *mount,
             chain,
             camera,
             pixel_rotation,
