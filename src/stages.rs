@@ -1,7 +1,9 @@
 //! Thin stage adapters: load, call, save.
 
 pub mod context;
+pub mod explain;
 pub mod georeference;
+pub mod locate;
 pub mod simulate;
 
 pub use context::{

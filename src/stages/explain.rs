@@ -5,7 +5,7 @@ use crate::formats::crs::Projection;
 use crate::geodesy::{MapProjection, WGS84};
 use crate::geometry::{Displacement, Frame};
 use crate::georeference::GeoreferencedFrame;
-use crate::navigation::{GimbalReference, Mount};
+use crate::navigation::GimbalReference;
 use crate::units::{Radians, Seconds};
 use nalgebra::{Matrix3, Vector3};
 use std::fmt;
@@ -80,15 +80,12 @@ fn arm<F: Frame>(name: &'static str, meaning: &'static str, d: Displacement<F>) 
     VectorEntry { name, meaning, metres: triple(d.vector()) }
 }
 
-/// Writes down the chain of one frame.
-///
-/// # Errors
-/// Words, when the image centre has no map position; a centre that sees no ground is said in the record.
+/// Writes down the chain of one frame; an image centre that sees no ground ends its own list early.
 #[must_use]
-pub fn explain(frame: &GeoreferencedFrame, mount: &Mount, projection: &Projection) -> Explanation {
+pub fn explain(frame: &GeoreferencedFrame, projection: &Projection) -> Explanation {
     let number = |name: &str, value: f64, unit: &'static str| Quantity { name: name.to_owned(), value, unit };
     let angle = |name: &str, a: Radians| number(name, a.degrees(), "deg");
-    let (record, chain) = (&frame.record, &frame.chain);
+    let (record, chain, mount) = (&frame.record, &frame.chain, &frame.mount);
     let gimbal = record.gimbal.unwrap_or(mount.gimbal);
     let against = match mount.gimbal_reference {
         GimbalReference::Body => "against the UAV",
