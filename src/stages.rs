@@ -3,7 +3,6 @@
 pub mod context;
 pub mod explain;
 pub mod georeference;
-pub mod locate;
 pub mod simulate;
 
 pub use context::{
