@@ -2,6 +2,7 @@
 
 pub mod context;
 pub mod georeference;
+pub mod mosaic;
 pub mod simulate;
 
 pub use context::{
