@@ -8,8 +8,10 @@ pub mod crs;
 pub mod elevation;
 pub mod files;
 pub mod geoid;
+pub mod geotiff;
 pub mod libraries;
 pub mod log;
+pub mod photo;
 pub mod survey;
 pub mod table;
 

@@ -23,6 +23,8 @@ mod weight;
 #[cfg(test)]
 mod tests;
 
-pub use plan::{Blend, MapBounds, MosaicPlan, PlanError, PlanSettings, PlannedFrame, Tile, Window};
+pub use plan::{
+    Blend, MapBounds, MosaicPlan, PlanError, PlanSettings, PlannedFrame, TILE, Tile, Window, automatic_gsd_m,
+};
 pub use render::{FrameFailure, FrameSource, RenderError, TilePixels, render_tile};
 pub use schedule::{ScheduleError, render_all};

@@ -3,6 +3,7 @@
 pub mod context;
 pub mod explain;
 pub mod georeference;
+pub mod mosaic;
 pub mod simulate;
 
 pub use context::{

@@ -371,7 +371,12 @@ fn area(outline: &[MapPoint]) -> f64 {
     0.5 * twice.abs()
 }
 
-fn automatic_gsd_m(frames: &[GeoreferencedFrame]) -> Result<f64, PlanError> {
+/// The ground sample distance of a mosaic that was given none: the median of the frames' own, rounded down
+/// to two significant digits, metres.
+///
+/// # Errors
+/// [`PlanError::NoFrames`] and [`PlanError::Gsd`].
+pub fn automatic_gsd_m(frames: &[GeoreferencedFrame]) -> Result<f64, PlanError> {
     let mut all: Vec<f64> = frames.iter().map(|f| f.footprint.gsd_m).collect();
     all.sort_by(f64::total_cmp);
     let median = match all.len() {

@@ -62,12 +62,19 @@ pub struct TilePixels {
     pub planes: Vec<Vec<u8>>,
     /// 255 where at least one frame sees the ground, else 0.
     pub alpha: Vec<u8>,
+    /// Frames that see at least one pixel of it, ascending.
+    pub frames: Vec<usize>,
 }
 
 impl TilePixels {
     fn transparent(window: Window, channels: usize) -> Self {
         let pixels = window.width * window.height;
-        Self { window, planes: vec![vec![0; pixels]; channels], alpha: vec![0; pixels] }
+        Self {
+            window,
+            planes: vec![vec![0; pixels]; channels],
+            alpha: vec![0; pixels],
+            frames: Vec::new(),
+        }
     }
     /// True when nothing is seen anywhere.
     #[must_use]
@@ -107,11 +114,16 @@ fn render<const CH: usize>(
     let side = window.width.max(window.height).next_multiple_of(CELL);
     let mut ground = TileGround::new(plan.projection.as_ref(), &plan.grid, &window, side)?;
     let mut canvas = Canvas::<CH>::new(plan.blend, window.width, window.height);
+    let mut seen = Vec::new();
     for &index in &tile.frames {
         let Some(reach) = plan.pixels_of(index, &window) else {
             continue;
         };
-        let part = Window { column: reach.column - window.column, row: reach.row - window.row, ..reach };
+        let part = Window {
+            column: reach.column - window.column,
+            row: reach.row - window.row,
+            ..reach
+        };
         let frame = &plan.frames[index].frame;
         let map = map_frame(&mut ground, frame, &part);
         if map.is_empty() {
@@ -125,6 +137,7 @@ fn render<const CH: usize>(
             weight: EdgeWeight::of(frame),
             size: frame.stored_size(),
         };
+        let before = canvas.painted;
         for cell in &map.cells {
             painter.paint_cell(cell, &mut canvas);
         }
@@ -132,8 +145,11 @@ fn render<const CH: usize>(
         for pixel in &map.pixels {
             painter.paint_pixel(pixel.column, pixel.row, &pixel.at, scale, &mut canvas);
         }
+        if canvas.painted > before {
+            seen.push(index);
+        }
     }
-    Ok(canvas.finish(window))
+    Ok(canvas.finish(window, seen))
 }
 
 /// The frame's pixels, after a look whether they are what the plan was made for.
@@ -173,6 +189,8 @@ struct Canvas<const CH: usize> {
     values: Vec<[f32; CH]>,
     /// Feather: sum of weights. None: the best frame's weight. 0 where nothing is seen.
     weights: Vec<f32>,
+    /// Pixels laid so far, all frames together.
+    painted: usize,
 }
 
 impl<const CH: usize> Canvas<CH> {
@@ -183,10 +201,12 @@ impl<const CH: usize> Canvas<CH> {
             height,
             values: vec![[0.0; CH]; width * height],
             weights: vec![0.0; width * height],
+            painted: 0,
         }
     }
 
     fn add(&mut self, index: usize, value: &[f32; CH], weight: f32) {
+        self.painted += 1;
         match self.blend {
             Blend::Feather => {
                 let sums = &mut self.values[index];
@@ -204,7 +224,7 @@ impl<const CH: usize> Canvas<CH> {
         }
     }
 
-    fn finish(self, window: Window) -> TilePixels {
+    fn finish(self, window: Window, frames: Vec<usize>) -> TilePixels {
         let pixels = self.width * self.height;
         let mut planes = vec![vec![0_u8; pixels]; CH];
         let mut alpha = vec![0_u8; pixels];
@@ -221,7 +241,12 @@ impl<const CH: usize> Canvas<CH> {
                 alpha[i] = 255;
             }
         }
-        TilePixels { window, planes, alpha }
+        TilePixels {
+            window,
+            planes,
+            alpha,
+            frames,
+        }
     }
 }
 
@@ -240,8 +265,14 @@ impl Painter<'_> {
         let [ul, ur, ll, lr] = cell.corners;
         let side = cell.side as f64;
         let (across, down) = (
-            ((ur.column - ul.column) / side, (ur.row - ul.row) / side),
-            ((ll.column - ul.column) / side, (ll.row - ul.row) / side),
+            (
+                (ur.column - ul.column) / side,
+                (ur.row - ul.row) / side,
+            ),
+            (
+                (ll.column - ul.column) / side,
+                (ll.row - ul.row) / side,
+            ),
         );
         let scale = (across.0 * down.1 - across.1 * down.0).abs().sqrt();
         let level = ImagePyramid::level_for_scale(scale);
@@ -268,7 +299,13 @@ impl Painter<'_> {
             run.column += (first - cell.column) as f64 * run.column_step;
             run.row += (first - cell.column) as f64 * run.row_step;
             let values = &mut values[..end - first];
-            sample_run(image, self.plan.kernel, run.at_level(level), well_inside, values);
+            sample_run(
+                image,
+                self.plan.kernel,
+                run.at_level(level),
+                well_inside,
+                values,
+            );
             let start = row * canvas.width + first;
             for (i, value) in values.iter().enumerate() {
                 let at = FramePoint {
@@ -317,11 +354,17 @@ impl Painter<'_> {
 }
 
 fn lies_between_centres(image: &Image8, column: f64, row: f64) -> bool {
-    column >= 0.0 && row >= 0.0 && column <= (image.width() - 1) as f64 && row <= (image.height() - 1) as f64
+    column >= 0.0
+        && row >= 0.0
+        && column <= (image.width() - 1) as f64
+        && row <= (image.height() - 1) as f64
 }
 
 fn between(a: &FramePoint, b: &FramePoint, k: f64) -> FramePoint {
-    FramePoint { column: a.column + k * (b.column - a.column), row: a.row + k * (b.row - a.row) }
+    FramePoint {
+        column: a.column + k * (b.column - a.column),
+        row: a.row + k * (b.row - a.row),
+    }
 }
 
 fn run_to(from: FramePoint, to: FramePoint, steps: f64) -> Run {
