@@ -13,6 +13,7 @@ use crate::formats::crs::Projection;
 use crate::formats::files;
 use crate::formats::geoid::Geoid;
 use crate::formats::log::{BadRow, LogRow, read_frame_times, read_log};
+use crate::formats::photo::{self, PhotoHeader};
 use crate::geodesy::{Geodetic, MapProjection, WGS84, grid_convergence};
 use crate::geometry::attitude::{OmegaPhiKappa, YawPitchRoll};
 use crate::geometry::{Body, Camera as Camera3, Point, Rotation};
@@ -259,7 +260,8 @@ fn frame(
     geoid: &Geoid,
 ) -> Result<GeoreferencedFrame, String> {
     let rotation = record.pixel_rotation.unwrap_or(mount.pixel_rotation);
-    let (width, height) = image::image_dimensions(declared.images.join(name)).map_err(|e| e.to_string())?;
+    let PhotoHeader { width, height, .. } =
+        photo::read_header(&declared.images.join(name)).map_err(|e| e.cause)?;
     let expected = rotation.stored_size(camera.width, camera.height);
     if (width, height) != expected {
         return Err(format!(
@@ -325,6 +327,9 @@ pub fn run(config: &Config, camera: &Arc<Camera>, context: &RunContext) -> Resul
     }
     context.write_product("frames.csv", &frames_csv(&survey)?)?;
     context.write_product("footprints.geojson", footprints_geojson(&survey).as_bytes())?;
+    if declared.orthos {
+        super::mosaic::orthos(config, &survey, context)?;
+    }
     Ok(survey)
 }
 
