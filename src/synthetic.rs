@@ -8,6 +8,11 @@
 //! Everything is decided by the scenario and its seed: the same bytes come out at any number of threads. This
 //! module reads and writes no files; `stages::simulate` does.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "plain degrees and radians here: the crate's own units belong to the code under test"
+)]
+
 mod earth;
 mod exposure;
 mod flight;

@@ -16,8 +16,8 @@
 //! Positions are WGS 84 degrees and ellipsoidal metres, of the antenna unless the column says `camera`; yaw is clockwise
 //! from true north, pitch nose up, roll right wing down; pixel (0, 0) is the centre of the top-left pixel.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use gdal::raster::{Buffer, RasterCreationOptions};
@@ -27,7 +27,9 @@ use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 
+use crate::formats::atomic::{self, WriteError};
 use crate::synthetic::{GeodeticPosition, LogRow, Observation, ReliefShape, Survey};
+use crate::units::Radians;
 
 /// Distance between the terrain grid's heights, metres.
 const DEM_POSTING_M: f64 = 2.0;
@@ -36,23 +38,57 @@ const DEM_MARGIN: f64 = 75.0;
 /// Ground further from the camera than this is left out of the terrain, metres: a view of the horizon has no end.
 const DEM_REACH_M: f64 = 4000.0;
 
+/// The file by which an older survey is known as such.
+const SCENARIO_FILE: &str = "scenario.toml";
+
 /// Why a survey could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum SurveyWriteError {
-    #[error("folder {path} already holds files; delete it or name another one", path = .0.display())]
-    NotEmpty(PathBuf),
-    #[error("{path} names no folder that could be made", path = .0.display())]
+    /// The folder holds a survey and was not to be replaced.
+    #[error("folder {} already holds a survey; replace it with --force or name another folder", .0.display())]
+    Exists(PathBuf),
+    /// The folder holds files that no survey put there.
+    #[error("folder {} holds files that are no synthetic survey; name another folder", .0.display())]
+    NotASurvey(PathBuf),
+    /// The path cannot be a new folder.
+    #[error("{} names no folder that could be made", .0.display())]
     NoParent(PathBuf),
-    #[error("cannot write {path}", path = .path.display())]
-    Io { path: PathBuf, source: io::Error },
-    #[error("cannot write table {path}", path = .path.display())]
-    Csv { path: PathBuf, source: csv::Error },
-    #[error("cannot encode picture {path}", path = .path.display())]
-    Image { path: PathBuf, source: image::ImageError },
-    #[error("cannot write terrain {path}", path = .path.display())]
-    Dem { path: PathBuf, source: gdal::errors::GdalError },
+    /// The system refused to read, make or rename a folder.
+    #[error("cannot {action} folder {}", path.display())]
+    Folder {
+        /// What was tried.
+        action: &'static str,
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file could not be stored.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// A table could not be put into text.
+    #[error("cannot make table {name}")]
+    Table {
+        /// Name of the file.
+        name: String,
+        /// The cause.
+        source: csv::Error,
+    },
+    /// A picture could not be encoded.
+    #[error("cannot encode picture {name}")]
+    Picture {
+        /// Name of the file.
+        name: String,
+        /// The cause.
+        source: image::ImageError,
+    },
+    /// GDAL could not write the terrain.
+    #[error("cannot write terrain dem.tif")]
+    Terrain(#[from] gdal::errors::GdalError),
+    /// The scenario has no TOML form.
     #[error("cannot write the scenario as TOML")]
     Toml(#[from] toml::ser::Error),
+    /// The camera has no JSON form.
     #[error("cannot write the camera as JSON")]
     Json(#[from] serde_json::Error),
 }
@@ -68,78 +104,93 @@ pub struct WrittenSurvey {
     pub bytes: u64,
 }
 
-/// Writes a survey to a folder that does not exist yet or is empty. `progress` is called after each picture with the
-/// number done and the number in all.
+/// Writes a survey to a folder that does not exist yet or is empty or, with `replace`, holds an older survey.
+/// `progress` is called after each picture with the number done and the number in all.
 ///
-/// Everything is written to a folder beside `output` that takes its name when complete.
+/// Everything is written to a hidden folder beside `output` that takes its name when complete.
 ///
 /// # Errors
-/// [`SurveyWriteError::NotEmpty`] if `output` holds files; otherwise the file that failed and why. Nothing remains then.
+/// [`SurveyWriteError::Exists`] or [`SurveyWriteError::NotASurvey`] for a folder with files in it, which is then left as
+/// it is; otherwise what failed and why, with nothing of the new survey left behind.
 pub fn write_survey(
     survey: &Survey,
     output: &Path,
+    replace: bool,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<WrittenSurvey, SurveyWriteError> {
-    if output.exists() && fs::read_dir(output).map_err(cannot_write(output))?.next().is_some() {
-        return Err(SurveyWriteError::NotEmpty(output.to_owned()));
+    let occupied = output.exists() && fs::read_dir(output).map_err(folder("read", output))?.next().is_some();
+    if occupied && !output.join(SCENARIO_FILE).is_file() {
+        return Err(SurveyWriteError::NotASurvey(output.to_owned()));
+    }
+    if occupied && !replace {
+        return Err(SurveyWriteError::Exists(output.to_owned()));
     }
     let parent = match output.parent() {
         Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
         Some(parent) => parent,
         None => return Err(SurveyWriteError::NoParent(output.to_owned())),
     };
-    fs::create_dir_all(parent).map_err(cannot_write(parent))?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".simulate-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o755));
-    let partial = builder.tempdir_in(parent).map_err(cannot_write(parent))?;
-    let mut folder = Folder { root: partial.path().to_owned(), bytes: 0 };
-    write_files(survey, &mut folder, progress)?;
-    // An empty folder of that name would stop the rename on some systems.
+    atomic::create_folder(parent)?;
+    let temporary = || {
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(atomic::TEMPORARY_PREFIX);
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o755));
+        builder.tempdir_in(parent).map_err(folder("make", output))
+    };
+    // The files sit one level below the temporary folder, so that renaming leaves it to be removed as usual.
+    let partial = temporary()?;
+    let mut contents = Contents { root: partial.path().join("survey"), bytes: 0 };
+    write_files(survey, &mut contents, progress)?;
     if output.exists() {
-        fs::remove_dir(output).map_err(cannot_write(output))?;
+        // Moved aside, not deleted: should the second rename fail, the first is taken back.
+        let aside = partial.path().join("older");
+        fs::rename(output, &aside).map_err(folder("move aside", output))?;
+        if let Err(source) = fs::rename(&contents.root, output) {
+            fs::rename(&aside, output).map_err(folder("put back", output))?;
+            return Err(folder("name", output)(source));
+        }
+    } else {
+        fs::rename(&contents.root, output).map_err(folder("name", output))?;
     }
-    fs::rename(partial.path(), output).map_err(cannot_write(output))?;
-    // Renamed, so there is nothing left to delete under the temporary name.
-    let _ = partial.keep();
     Ok(WrittenSurvey {
         frames: survey.frames().len(),
         targets: survey.targets().len(),
         calibration_photos: survey.scenario().calibration.views as usize,
         blind_pixels: survey.blind_pixels(),
-        bytes: folder.bytes,
+        bytes: contents.bytes,
     })
 }
 
-fn cannot_write(path: &Path) -> impl Fn(io::Error) -> SurveyWriteError {
-    move |source| SurveyWriteError::Io { path: path.to_owned(), source }
+fn folder(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> SurveyWriteError {
+    move |source| SurveyWriteError::Folder { action, path: path.to_owned(), source }
 }
 
 fn write_files(
     survey: &Survey,
-    folder: &mut Folder,
+    contents: &mut Contents,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<(), SurveyWriteError> {
     let scenario = survey.scenario();
     let views = scenario.calibration.views;
     let pictures = survey.frames().len() + views as usize;
-    folder.text("scenario.toml", &toml::to_string(scenario)?)?;
-    folder.text("camera-true.json", &(serde_json::to_string_pretty(&scenario.camera)? + "\n"))?;
-    write_tables(survey, folder)?;
+    contents.bytes(SCENARIO_FILE, toml::to_string(scenario)?.as_bytes())?;
+    contents
+        .bytes("camera-true.json", (serde_json::to_string_pretty(&scenario.camera)? + "\n").as_bytes())?;
+    write_tables(survey, contents)?;
     if scenario.relief.shape == ReliefShape::Hills {
-        write_dem(survey, folder)?;
+        write_dem(survey, contents)?;
     }
     for (index, frame) in survey.frames().iter().enumerate() {
         let picture = survey.render_frame(index);
-        folder.image(&format!("images/{}", frame.name), |writer| {
+        contents.image(&format!("images/{}", frame.name), |writer| {
             JpegEncoder::new_with_quality(writer, scenario.photo.jpeg_quality).encode_image(&picture)
         })?;
         progress(index + 1, pictures);
     }
     for index in 0..views {
         let photo = survey.render_target_photo(index);
-        folder.image(&format!("calibration/{}", target_photo_name(index)), |writer| {
+        contents.image(&format!("calibration/{}", target_photo_name(index)), |writer| {
             PngEncoder::new_with_quality(writer, CompressionType::Best, FilterType::Avg).write_image(
                 photo.as_raw(),
                 photo.width(),
@@ -156,7 +207,7 @@ fn target_photo_name(index: u32) -> String {
     format!("target_{:02}.png", index + 1)
 }
 
-fn write_tables(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteError> {
+fn write_tables(survey: &Survey, contents: &mut Contents) -> Result<(), SurveyWriteError> {
     const POSE: [&str; 8] = [
         "time_s",
         "latitude_deg",
@@ -169,23 +220,23 @@ fn write_tables(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteE
     ];
     let frames = survey.frames();
     let logged = frames.iter().map(|frame| [vec![frame.name.clone()], pose(&frame.logged)].concat());
-    folder.table("log.csv", &[&["file"][..], &POSE].concat(), logged)?;
-    folder.table("track.csv", &POSE, survey.track().iter().map(pose))?;
+    contents.table("log.csv", &[&["file"][..], &POSE].concat(), logged)?;
+    contents.table("track.csv", &POSE, survey.track().iter().map(pose))?;
     let truth = frames
         .iter()
         .map(|frame| [vec![frame.name.clone()], pose(&frame.truth), position(&frame.camera)].concat());
     let camera = ["camera_latitude_deg", "camera_longitude_deg", "camera_height_ellipsoid_m"];
-    folder.table("truth.csv", &[&["file"][..], &POSE, &camera].concat(), truth)?;
+    contents.table("truth.csv", &[&["file"][..], &POSE, &camera].concat(), truth)?;
 
     const PLACE: [&str; 4] = ["point", "latitude_deg", "longitude_deg", "height_ellipsoid_m"];
     let place = |name: String, at: &GeodeticPosition| [vec![name], position(at)].concat();
     let targets = survey.targets().iter().map(|target| place(target.name.clone(), &target.centre));
-    folder.table("targets.csv", &PLACE, targets)?;
-    write_observations(folder, "target_observations.csv", survey.observations())?;
+    contents.table("targets.csv", &PLACE, targets)?;
+    write_observations(contents, "target_observations.csv", survey.observations())?;
     if let Some(runway) = survey.runway() {
         let rows = runway.points().into_iter().map(|(name, at)| place(name, &at));
-        folder.table("runway.csv", &PLACE, rows)?;
-        write_observations(folder, "runway_observations.csv", survey.runway_observations())?;
+        contents.table("runway.csv", &PLACE, rows)?;
+        write_observations(contents, "runway_observations.csv", survey.runway_observations())?;
     }
     let views = survey.scenario().calibration.views;
     if views > 0 {
@@ -204,20 +255,20 @@ fn write_tables(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteE
             })
         });
         let header = ["file", "square_row", "square_column", "corner", "x_mm", "y_mm", "column", "row"];
-        folder.table("calibration/corners.csv", &header, corners)?;
+        contents.table("calibration/corners.csv", &header, corners)?;
     }
     Ok(())
 }
 
 fn write_observations(
-    folder: &mut Folder,
+    contents: &mut Contents,
     name: &str,
     seen: Vec<Observation>,
 ) -> Result<(), SurveyWriteError> {
     let rows = seen
         .into_iter()
         .map(|seen| vec![seen.point, seen.frame, format!("{:.4}", seen.column), format!("{:.4}", seen.row)]);
-    folder.table(name, &["point", "file", "column", "row"], rows)
+    contents.table(name, &["point", "file", "column", "row"], rows)
 }
 
 /// Ten decimals of a degree are a hundredth of a millimetre.
@@ -240,26 +291,23 @@ fn pose(row: &LogRow) -> Vec<String> {
 }
 
 /// Heights on a grid of whole rows and columns around everything the frames see.
-fn write_dem(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteError> {
-    let path = folder.path("dem.tif")?;
-    let wrap = |source| SurveyWriteError::Dem { path: path.clone(), source };
+fn write_dem(survey: &Survey, contents: &mut Contents) -> Result<(), SurveyWriteError> {
     let extent = Extent::of(survey);
     // About a degree's length on the ground: the posting need not be exact.
     let row_step = DEM_POSTING_M / 111_320.0;
-    let column_step = row_step / survey.scenario().site.latitude_deg.to_radians().cos();
+    let column_step = row_step / Radians::from_degrees(survey.scenario().site.latitude_deg).get().cos();
     let west = extent.west_deg - DEM_MARGIN * column_step;
     let north = extent.north_deg + DEM_MARGIN * row_step;
     let columns = ((extent.east_deg - extent.west_deg) / column_step + 2.0 * DEM_MARGIN).ceil() as usize + 1;
     let rows = ((extent.north_deg - extent.south_deg) / row_step + 2.0 * DEM_MARGIN).ceil() as usize + 1;
 
     let options = RasterCreationOptions::from_iter(["TILED=YES", "COMPRESS=DEFLATE", "PREDICTOR=3"]);
-    let driver = DriverManager::get_driver_by_name("GTiff").map_err(wrap)?;
-    let mut dem = driver
-        .create_with_band_type_with_options::<f32, _>(&path, columns, rows, 1, &options)
-        .map_err(wrap)?;
-    let mut crs = SpatialRef::from_epsg(4326).map_err(wrap)?;
+    let driver = DriverManager::get_driver_by_name("GTiff")?;
+    let path = contents.path("dem.tif")?;
+    let mut dem = driver.create_with_band_type_with_options::<f32, _>(&path, columns, rows, 1, &options)?;
+    let mut crs = SpatialRef::from_epsg(4326)?;
     crs.set_axis_mapping_strategy(AxisMappingStrategy::TraditionalGisOrder);
-    dem.set_spatial_ref(&crs).map_err(wrap)?;
+    dem.set_spatial_ref(&crs)?;
     // The first height stands in the middle of the first cell.
     dem.set_geo_transform(&[
         west - 0.5 * column_step,
@@ -268,20 +316,18 @@ fn write_dem(survey: &Survey, folder: &mut Folder) -> Result<(), SurveyWriteErro
         north + 0.5 * row_step,
         0.0,
         -row_step,
-    ])
-    .map_err(wrap)?;
-    let mut band = dem.rasterband(1).map_err(wrap)?;
-    band.set_description("height above the WGS 84 ellipsoid, metres").map_err(wrap)?;
+    ])?;
+    let mut band = dem.rasterband(1)?;
+    band.set_description("height above the WGS 84 ellipsoid, metres")?;
     for row in 0..rows {
         let latitude_deg = north - row as f64 * row_step;
         let heights = (0..columns)
             .map(|column| survey.ground_height(latitude_deg, west + column as f64 * column_step) as f32);
         let mut heights = Buffer::new((columns, 1), heights.collect());
-        band.write((0, row as isize), (columns, 1), &mut heights).map_err(wrap)?;
+        band.write((0, row as isize), (columns, 1), &mut heights)?;
     }
-    drop(band);
-    dem.close().map_err(wrap)?;
-    folder.count(&path)
+    dem.close()?;
+    contents.count(&path)
 }
 
 /// Latitudes and longitudes of everything the frames see and of the points below the cameras.
@@ -328,29 +374,29 @@ impl Extent {
 }
 
 /// The folder being filled, and what it weighs.
-struct Folder {
+struct Contents {
     root: PathBuf,
     bytes: u64,
 }
 
-impl Folder {
+impl Contents {
     /// A file's path, its folder made.
     fn path(&self, name: &str) -> Result<PathBuf, SurveyWriteError> {
         let path = self.root.join(name);
-        let folder = path.parent().unwrap_or(&self.root);
-        fs::create_dir_all(folder).map_err(cannot_write(folder))?;
+        atomic::create_folder(path.parent().unwrap_or(&self.root))?;
         Ok(path)
     }
 
     fn count(&mut self, path: &Path) -> Result<(), SurveyWriteError> {
-        self.bytes += fs::metadata(path).map_err(cannot_write(path))?.len();
+        self.bytes += fs::metadata(path).map_err(folder("read", path))?.len();
         Ok(())
     }
 
-    fn text(&mut self, name: &str, text: &str) -> Result<(), SurveyWriteError> {
+    fn bytes(&mut self, name: &str, bytes: &[u8]) -> Result<(), SurveyWriteError> {
         let path = self.path(name)?;
-        fs::write(&path, text).map_err(cannot_write(&path))?;
-        self.count(&path)
+        atomic::write_atomic(&path, bytes)?;
+        self.bytes += bytes.len() as u64;
+        Ok(())
     }
 
     fn table(
@@ -359,26 +405,23 @@ impl Folder {
         header: &[&str],
         rows: impl Iterator<Item = Vec<String>>,
     ) -> Result<(), SurveyWriteError> {
-        let path = self.path(name)?;
-        let wrap = |source| SurveyWriteError::Csv { path: path.clone(), source };
-        let mut writer = csv::Writer::from_path(&path).map_err(wrap)?;
+        let wrap = |source| SurveyWriteError::Table { name: name.to_owned(), source };
+        let mut writer = csv::Writer::from_writer(Vec::new());
         writer.write_record(header).map_err(wrap)?;
         for row in rows {
             writer.write_record(&row).map_err(wrap)?;
         }
-        writer.flush().map_err(cannot_write(&path))?;
-        self.count(&path)
+        let bytes = writer.into_inner().map_err(|error| wrap(error.into_error().into()))?;
+        self.bytes(name, &bytes)
     }
 
     fn image(
         &mut self,
         name: &str,
-        encode: impl FnOnce(&mut BufWriter<File>) -> image::ImageResult<()>,
+        encode: impl FnOnce(&mut Vec<u8>) -> image::ImageResult<()>,
     ) -> Result<(), SurveyWriteError> {
-        let path = self.path(name)?;
-        let mut writer = BufWriter::new(File::create(&path).map_err(cannot_write(&path))?);
-        encode(&mut writer).map_err(|source| SurveyWriteError::Image { path: path.clone(), source })?;
-        writer.flush().map_err(cannot_write(&path))?;
-        self.count(&path)
+        let mut bytes = Vec::new();
+        encode(&mut bytes).map_err(|source| SurveyWriteError::Picture { name: name.to_owned(), source })?;
+        self.bytes(name, &bytes)
     }
 }

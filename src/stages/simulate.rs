@@ -21,20 +21,22 @@ pub enum SimulateError {
 /// [`SimulateError::Scenario`] for a senseless value, before anything is written; [`SimulateError::Write`] if the folder
 /// holds files already or a file cannot be written; then `output` is left as it was.
 pub fn simulate(scenario: &Scenario, output: &Path) -> Result<WrittenSurvey, SimulateError> {
-    simulate_with_progress(scenario, output, &mut |_, _| {})
+    simulate_with(scenario, output, false, &mut |_, _| {})
 }
 
-/// [`simulate`], calling `progress` with the pictures done and the pictures in all.
+/// [`simulate`] that with `replace` also takes the place of an older survey, and calls `progress` with the pictures done
+/// and the pictures in all.
 ///
 /// # Errors
-/// Those of [`simulate`].
-pub fn simulate_with_progress(
+/// Those of [`simulate`]. With `replace` a folder whose files are no survey is still refused.
+pub fn simulate_with(
     scenario: &Scenario,
     output: &Path,
+    replace: bool,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<WrittenSurvey, SimulateError> {
     let survey = Survey::new(scenario)?;
-    Ok(write_survey(&survey, output, progress)?)
+    Ok(write_survey(&survey, output, replace, progress)?)
 }
 
 #[cfg(test)]
@@ -43,6 +45,7 @@ mod tests {
     use std::fs;
 
     use super::*;
+    use crate::formats::atomic;
     use crate::synthetic::{Camera, Relief, ReliefShape};
 
     /// Two small frames over hills and one target photo.
@@ -145,17 +148,74 @@ mod tests {
     #[test]
     fn existing_files_are_left_alone() {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("notes.txt"), "mine").unwrap();
-        let error = simulate(&small(), folder.path()).unwrap_err();
-        assert!(matches!(error, SimulateError::Write(SurveyWriteError::NotEmpty(_))));
+        let note = folder.path().join("notes.txt");
+        atomic::write_atomic(&note, b"mine").unwrap();
+        for replace in [false, true] {
+            let error = simulate_with(&small(), folder.path(), replace, &mut |_, _| {}).unwrap_err();
+            assert!(matches!(error, SimulateError::Write(SurveyWriteError::NotASurvey(_))));
+            assert_eq!(fs::read(&note).unwrap(), b"mine");
+        }
+    }
+
+    #[test]
+    fn an_older_survey_is_replaced_only_on_request() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("survey");
+        let mut scenario = small();
+        simulate(&scenario, &output).unwrap();
+        scenario.flight.frames_per_strip = 1;
+        let error = simulate(&scenario, &output).unwrap_err();
+        assert!(matches!(error, SimulateError::Write(SurveyWriteError::Exists(_))));
+        assert!(output.join("images/IMG_0002.jpg").exists());
+        let (mut calls, mut all) = (0, 0);
+        simulate_with(&scenario, &output, true, &mut |_, count| (calls, all) = (calls + 1, count)).unwrap();
+        assert_eq!((calls, all), (2, 2));
+        assert!(!output.join("images/IMG_0002.jpg").exists() && output.join("images/IMG_0001.jpg").exists());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    /// The demo's files in the repository are those its scenario makes. Grey values may differ by rounding where the
+    /// mathematical library does.
+    #[test]
+    fn the_demos_files_are_up_to_date() {
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
+        let scenario: Scenario =
+            toml::from_str(&fs::read_to_string(fixtures.join("scenes/demo.toml")).unwrap()).unwrap();
+        assert_eq!(scenario, Scenario::demo());
+        let demo = fixtures.join("demo");
+        assert_eq!(
+            fs::read_to_string(demo.join("scenario.toml")).unwrap(),
+            toml::to_string(&scenario).unwrap()
+        );
+        let survey = Survey::new(&scenario).unwrap();
+        let mut log = csv::Reader::from_path(demo.join("log.csv")).unwrap();
+        let rows: Vec<csv::StringRecord> = log.records().map(Result::unwrap).collect();
+        assert_eq!(rows.len(), survey.frames().len());
+        for (row, frame) in rows.iter().zip(survey.frames()) {
+            assert_eq!(&row[0], frame.name);
+            for (cell, expected, tolerance) in [
+                (&row[2], frame.logged.antenna.latitude_deg, 1e-9),
+                (&row[4], frame.logged.antenna.height_m, 1e-4),
+                (&row[5], frame.logged.attitude.yaw_deg, 1e-7),
+            ] {
+                assert!(
+                    (cell.parse::<f64>().unwrap() - expected).abs() < tolerance,
+                    "{cell} is not {expected}"
+                );
+            }
+        }
+        let fresh = survey.render_frame(2);
+        let stored = image::open(demo.join("images/IMG_0003.jpg")).unwrap().to_rgb8();
+        let difference: u64 = fresh.iter().zip(stored.iter()).map(|(&a, &b)| u64::from(a.abs_diff(b))).sum();
+        let mean = difference as f64 / fresh.len() as f64;
+        assert!(mean < 2.5, "JPEG and noise explain 2 grey values, not {mean}");
     }
 
     #[test]
     fn an_output_path_through_a_file_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
-        fs::write(&file, "").unwrap();
+        atomic::write_atomic(&file, b"").unwrap();
         let Err(SimulateError::Write(error)) = simulate(&small(), &file.join("out")) else {
             panic!("written into a file")
         };

@@ -86,7 +86,7 @@ impl Lens {
         let Camera { fx_px, fy_px, skew_px, cx_px, cy_px, .. } = self.camera;
         let y = (row - cy_px) / fy_px;
         let wanted = Vector2::new((column - cx_px - skew_px * y) / fx_px, y);
-        let mut ideal = self.is_single_valued(wanted).then_some(wanted).unwrap_or_default();
+        let mut ideal = if self.is_single_valued(wanted) { wanted } else { Vector2::zeros() };
         for _ in 0..100 {
             let (distorted, derivative) = self.distort(ideal);
             let mut step = derivative.try_inverse()? * (wanted - distorted);

@@ -252,10 +252,9 @@ impl Painting {
     /// Whether a hard edge may pass through the footprint.
     pub fn has_edge(&self, at: ScenePoint, footprint: f64) -> bool {
         let reach = 1.5 * footprint;
-        if let Some((_, offset)) = self.nearest_mark(at) {
-            if offset.norm() < 0.5 * PLATE * self.scene.targets.diameter_m + reach {
-                return true;
-            }
+        let plate = 0.5 * PLATE * self.scene.targets.diameter_m + reach;
+        if self.nearest_mark(at).is_some_and(|(_, offset)| offset.norm() < plate) {
+            return true;
         }
         let runway = &self.scene.runway;
         if !runway.present {
