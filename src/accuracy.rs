@@ -14,6 +14,7 @@
 //! `δh` an error of the ground's height.
 
 pub mod budget;
+pub mod ce90_map;
 pub mod check;
 pub mod circular;
 pub mod error_map;

@@ -7,7 +7,7 @@ use crate::geodesy::{Geodetic, LocalTangent, WGS84};
 use crate::geometry::Ned;
 use crate::georeference::{GeoreferencedFrame, GroundPoint, LocateError};
 use crate::navigation::GimbalReference;
-use crate::terrain::Terrain;
+use crate::terrain::{Ray, Terrain};
 use crate::units::Radians;
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2, Vector3};
 
@@ -250,6 +250,22 @@ impl<'a> FramePropagation<'a> {
     pub fn at_height(&self, stored: ImagePoint, height_m: f64) -> Result<PixelAccuracy, PropagationError> {
         let ground = self.frame.ground_from_pixel_at_height(stored, height_m)?;
         self.accuracy(stored, ground, [0.0, 0.0])
+    }
+
+    /// As [`Self::at`], for a stored pixel that is known to see a place of the frame's ground.
+    ///
+    /// # Errors
+    /// As [`Self::at`].
+    pub fn at_place(
+        &self,
+        stored: ImagePoint,
+        position: Geodetic,
+    ) -> Result<PixelAccuracy, PropagationError> {
+        let end = WGS84.ecef_from_geodetic(&position);
+        let origin = self.frame.ecef_from_camera().origin;
+        let ground =
+            GroundPoint { position, ray: Ray::new(origin, end - origin), range_m: origin.distance_to(&end) };
+        self.accuracy(stored, ground, self.slope(&position)?)
     }
 
     fn accuracy(

@@ -80,3 +80,19 @@ pub(super) fn flight() -> GeoreferencedFrame {
     let ground = Arc::new(ConstantHeight { height_m: 700.0 });
     frame(record, &mount, paper_camera(), ground)
 }
+
+/// The same frame taken elsewhere.
+pub(super) fn moved_north(of: &GeoreferencedFrame, by_m: f64) -> GeoreferencedFrame {
+    let mut record = of.record.clone();
+    let site = LocalTangent::at(record.antenna);
+    record.antenna = WGS84.geodetic_from_ecef(&(*site.ecef_from_ned() * Point::<Ned>::new(by_m, 0.0, 0.0)));
+    GeoreferencedFrame::new(
+        "IMG_0002.jpg".to_owned(),
+        record,
+        &of.mount,
+        of.camera.clone(),
+        of.ground.clone(),
+        of.max_range_m,
+    )
+    .unwrap()
+}
