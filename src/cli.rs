@@ -69,7 +69,9 @@ fn interrupts() -> Result<Arc<AtomicBool>, StageError> {
             std::process::exit(ExitClass::Interrupted as i32);
         }
     })
-    .map_err(|error| StageError::new(crate::stages::ErrorClass::Io, "cannot listen for Ctrl-C").because(error))?;
+    .map_err(|error| {
+        StageError::new(crate::stages::ErrorClass::Io, "cannot listen for Ctrl-C").because(error)
+    })?;
     Ok(flag)
 }
 

@@ -186,8 +186,7 @@ fn read_text(file: &Path) -> Result<String, ConfigError> {
             .iter()
             .filter(|&&byte| byte == b'\n')
             .count();
-        ConfigError::whole_file(file, format!("line {line} is not UTF-8 text"))
-            .help("save the file as UTF-8")
+        ConfigError::whole_file(file, format!("line {line} is not UTF-8 text")).help("save the file as UTF-8")
     })
 }
 

@@ -132,7 +132,9 @@ pub struct CheckArguments {
 
 /// `locate`.
 #[derive(Debug, Args)]
-#[command(override_usage = "boresight locate [OPTIONS] <FILE> <FRAME> <COLUMN> <ROW>\n       boresight locate [OPTIONS] <FILE> --pixels <P.csv>")]
+#[command(
+    override_usage = "boresight locate [OPTIONS] <FILE> <FRAME> <COLUMN> <ROW>\n       boresight locate [OPTIONS] <FILE> --pixels <P.csv>"
+)]
 pub struct LocateArguments {
     /// The pipeline.
     #[command(flatten)]

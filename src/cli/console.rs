@@ -181,22 +181,34 @@ impl Visit for Fields {
     }
 }
 
-impl Progress for Console {
-    fn begin(&self, stage: Stage, label: &str, total: u64) -> Box<dyn TaskProgress> {
+impl Console {
+    /// Progress of work that is no stage's.
+    pub fn count(&self, who: &'static str, label: &str, total: usize) -> Box<dyn TaskProgress> {
+        self.begin_task(who, label, total as u64)
+    }
+
+    fn begin_task(&self, who: &'static str, label: &str, total: u64) -> Box<dyn TaskProgress> {
         match (self.format, &self.bars) {
-            (LogFormat::Json, _) if self.level >= Level::INFO => Box::new(JsonTask::begin(stage, label, total)),
+            (LogFormat::Json, _) if self.level >= Level::INFO => Box::new(JsonTask::begin(who, label, total)),
             (LogFormat::Text, Some(bars)) => {
-                let style = ProgressStyle::with_template("{prefix:>12} {msg} [{bar:30}] {pos}/{len} {eta} left")
-                    .expect("a constant template")
-                    .progress_chars("=> ");
+                let style =
+                    ProgressStyle::with_template("{prefix:>12} {msg} [{bar:30}] {pos}/{len} {eta} left")
+                        .expect("a constant template")
+                        .progress_chars("=> ");
                 let bar = bars.add(ProgressBar::new(total)).with_style(style);
-                bar.set_prefix(stage.name());
+                bar.set_prefix(who);
                 bar.set_message(label.to_owned());
                 bar.enable_steady_tick(Duration::from_millis(250));
                 Box::new(BarTask(bar))
             }
             _ => Box::new(crate::stages::NoProgress),
         }
+    }
+}
+
+impl Progress for Console {
+    fn begin(&self, stage: Stage, label: &str, total: u64) -> Box<dyn TaskProgress> {
+        self.begin_task(stage.name(), label, total)
     }
 }
 
@@ -216,7 +228,7 @@ impl Drop for BarTask {
 
 /// Progress as JSON lines, at most five a second.
 struct JsonTask {
-    stage: Stage,
+    who: &'static str,
     label: String,
     total: u64,
     done: AtomicU64,
@@ -226,16 +238,21 @@ struct JsonTask {
 const JSON_INTERVAL: Duration = Duration::from_millis(200);
 
 impl JsonTask {
-    fn begin(stage: Stage, label: &str, total: u64) -> Self {
-        let task =
-            Self { stage, label: label.to_owned(), total, done: AtomicU64::new(0), last: Mutex::new(Instant::now()) };
+    fn begin(who: &'static str, label: &str, total: u64) -> Self {
+        let task = Self {
+            who,
+            label: label.to_owned(),
+            total,
+            done: AtomicU64::new(0),
+            last: Mutex::new(Instant::now()),
+        };
         task.say(0);
         task
     }
 
     fn say(&self, done: u64) {
         let object = json!({
-            "level": "info", "event": "progress", "stage": self.stage.name(), "task": self.label,
+            "level": "info", "event": "progress", "stage": self.who, "task": self.label,
             "done": done, "total": self.total,
         });
         drop(writeln!(std::io::stderr().lock(), "{object}"));
