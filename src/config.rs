@@ -95,21 +95,7 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] when the file cannot be read, is not TOML, or its contents are refused.
     pub fn load(file: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
-        let bytes = std::fs::read(file).map_err(|error| {
-            let refused = ConfigError::whole_file(file, format!("cannot be read: {error}"));
-            match error.kind() {
-                std::io::ErrorKind::NotFound => refused.help("check the path of the pipeline file"),
-                _ => refused,
-            }
-        })?;
-        let text = String::from_utf8(bytes).map_err(|error| {
-            let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()]
-                .iter()
-                .filter(|&&byte| byte == b'\n')
-                .count();
-            ConfigError::whole_file(file, format!("line {line} is not UTF-8 text"))
-                .help("save the file as UTF-8")
-        })?;
+        let text = read_text(file)?;
         Self::from_text(file, &text, overrides)
     }
 
@@ -119,7 +105,7 @@ impl Config {
     /// [`ConfigError`] with the place of what was refused.
     pub fn from_text(file: &Path, text: &str, overrides: &[String]) -> Result<Self, ConfigError> {
         let source = Arc::new(Source::new(file, text, overrides));
-        let mut spec: Spec = read::read(&source)?;
+        let mut spec: Spec = read::read(&source, read::check_version)?;
         let base = file.parent().map(Path::to_owned).unwrap_or_default();
         let resolver = Resolver { source: source.clone(), base: base.clone() };
         let run = run::resolve(&mut spec.run, &resolver)?;
@@ -173,6 +159,35 @@ impl Config {
             "# {name} with overrides in place and defaults filled in; paths count from that file's folder.\n{tables}"
         )
     }
+}
+
+/// Reads any other settings file (a scenario) with the same overrides, errors and hints as a pipeline file.
+///
+/// # Errors
+/// [`ConfigError`] when the file cannot be read, is not TOML, or its contents are refused.
+pub fn load_document<T>(file: &Path, overrides: &[String]) -> Result<T, ConfigError>
+where
+    T: serde::de::DeserializeOwned + JsonSchema,
+{
+    let source = Arc::new(Source::new(file, &read_text(file)?, overrides));
+    read::read(&source, |_, _| Ok(()))
+}
+
+fn read_text(file: &Path) -> Result<String, ConfigError> {
+    let bytes = std::fs::read(file).map_err(|error| {
+        let refused = ConfigError::whole_file(file, format!("cannot be read: {error}"));
+        match error.kind() {
+            std::io::ErrorKind::NotFound => refused.help("check the path"),
+            _ => refused,
+        }
+    })?;
+    String::from_utf8(bytes).map_err(|error| {
+        let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()]
+            .iter()
+            .filter(|&&byte| byte == b'\n')
+            .count();
+        ConfigError::whole_file(file, format!("line {line} is not UTF-8 text")).help("save the file as UTF-8")
+    })
 }
 
 fn needs_georeference<T>(table: &Located<T>, name: &str, resolver: &Resolver) -> ConfigError {

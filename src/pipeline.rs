@@ -5,6 +5,7 @@
 pub mod execute;
 pub mod folder;
 pub mod inputs;
+mod line;
 pub mod manifest;
 pub mod plan;
 

@@ -1,9 +1,12 @@
 //! Thin stage adapters: load, call, save.
 
+pub mod camera;
 pub mod context;
 pub mod explain;
 pub mod georeference;
+pub mod locate;
 pub mod mosaic;
+pub mod session;
 pub mod simulate;
 
 pub use context::{

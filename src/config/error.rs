@@ -22,7 +22,7 @@ impl ConfigError {
     /// An error of the file as a whole (it cannot be read, or is not text).
     pub fn whole_file(name: &Path, message: impl std::fmt::Display) -> Self {
         Self(Box::new(Diagnostic {
-            message: format!("pipeline file {}: {message}", name.display()),
+            message: format!("{}: {message}", name.display()),
             place: None,
             help: Vec::new(),
         }))

@@ -4,12 +4,12 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::Spec;
 use super::error::ConfigError;
 use super::quantity::HELP_MARK;
 use super::source::Source;
@@ -17,8 +17,11 @@ use super::source::Source;
 /// The version this program reads.
 pub const VERSION: i64 = 1;
 
-/// Parses the text, puts the overrides in place, checks the version and reads the typed tables.
-pub(super) fn read(source: &Arc<Source>) -> Result<Spec, ConfigError> {
+/// Parses the text, puts the overrides in place, checks what must be checked first, and reads the typed tables.
+pub(super) fn read<T: DeserializeOwned + JsonSchema>(
+    source: &Arc<Source>,
+    check_first: impl Fn(&Arc<Source>, &DeTable<'_>) -> Result<(), ConfigError>,
+) -> Result<T, ConfigError> {
     let mut document = DeTable::parse(&source.text).map_err(|error| refusal(source, &error))?;
     // The values of overrides are parsed behind as many blanks as their place in the source, so that spans come out right.
     let overrides = source
@@ -28,9 +31,9 @@ pub(super) fn read(source: &Arc<Source>) -> Result<Spec, ConfigError> {
     for given in &overrides {
         given.put_into(source, document.get_mut())?;
     }
-    check_version(source, document.get_ref())?;
-    refuse_lists_for_tables(source, document.get_ref())?;
-    Spec::deserialize(toml::Deserializer::from(document)).map_err(|error| refusal(source, &error))
+    check_first(source, document.get_ref())?;
+    refuse_lists_for_tables(source, document.get_ref(), &schemars::schema_for!(T).to_value())?;
+    T::deserialize(toml::Deserializer::from(document)).map_err(|error| refusal(source, &error))
 }
 
 /// One `--set`, split at its first `=`.
@@ -106,7 +109,7 @@ impl Override {
 }
 
 /// The version comes first: a file of another version would otherwise be refused for some unknown key.
-fn check_version(source: &Arc<Source>, root: &DeTable<'_>) -> Result<(), ConfigError> {
+pub(super) fn check_version(source: &Arc<Source>, root: &DeTable<'_>) -> Result<(), ConfigError> {
     let Some(version) = root.get("version") else {
         return Err(ConfigError::at(source, 0..0, "missing key `version`")
             .help(format!("begin the file with `version = {VERSION}`")));
@@ -120,16 +123,19 @@ fn check_version(source: &Arc<Source>, root: &DeTable<'_>) -> Result<(), ConfigE
 }
 
 /// Refuses `[[mosaic]]` where `[mosaic]` is meant: serde would fill a table's keys from a list by their order.
-fn refuse_lists_for_tables(source: &Arc<Source>, document: &DeTable<'_>) -> Result<(), ConfigError> {
-    let schema = schemars::schema_for!(Spec).to_value();
-    let mut open: Vec<(&DeTable<'_>, &Value)> = vec![(document, &schema)];
+fn refuse_lists_for_tables(
+    source: &Arc<Source>,
+    document: &DeTable<'_>,
+    schema: &Value,
+) -> Result<(), ConfigError> {
+    let mut open: Vec<(&DeTable<'_>, &Value)> = vec![(document, schema)];
     while let Some((table, described)) = open.pop() {
         for (key, value) in table {
-            let expected = table_schema(&schema, &described["properties"][key.get_ref().as_ref()]);
+            let expected = table_schema(schema, &described["properties"][key.get_ref().as_ref()]);
             // A list of tables is described by its items.
             let items = expected
                 .is_none()
-                .then(|| table_schema(&schema, &described["properties"][key.get_ref().as_ref()]["items"]));
+                .then(|| table_schema(schema, &described["properties"][key.get_ref().as_ref()]["items"]));
             match (value.get_ref(), expected, items.flatten()) {
                 (DeValue::Table(inner), Some(expected), _) => open.push((inner, expected)),
                 (DeValue::Array(_), Some(_), _) => {

@@ -11,7 +11,7 @@ use super::manifest::{Manifest, REPORT, RESOLVED, StageStatus, Timings, remove_s
 use super::plan::{Action, Plan};
 use crate::config::Config;
 use crate::formats::atomic;
-use crate::stages::{ErrorClass, Progress, RunContext, Stage, StageError};
+use crate::stages::{ErrorClass, Progress, RunContext, Stage, StageError, StageRecord};
 
 /// How a run was asked for.
 #[derive(Debug, Clone, Default)]
@@ -49,11 +49,16 @@ pub trait Stages {
     /// The products cannot be used.
     fn reuse(&mut self, stage: Stage, config: &Config, context: &RunContext) -> Result<(), StageError>;
 
-    /// Makes the page that shows the whole run, as the bytes of a self-contained HTML file.
+    /// Makes the page that shows the whole run, as the bytes of a self-contained HTML file; `None` when there is nothing to show.
     ///
     /// # Errors
     /// Why it cannot be made.
-    fn report(&mut self, config: &Config, manifest: &Manifest, folder: &Path) -> Result<Vec<u8>, StageError>;
+    fn report(
+        &mut self,
+        config: &Config,
+        manifest: &Manifest,
+        folder: &Path,
+    ) -> Result<Option<Vec<u8>>, StageError>;
 }
 
 /// How a run ended.
@@ -127,11 +132,13 @@ fn run_plan(
                 stages.reuse(*stage, config, &context)?;
             }
             Action::Run => {
-                tracing::info!(stage = stage.name(), "{stage}");
+                tracing::debug!(stage = stage.name(), "{stage} begins");
                 let began = Instant::now();
                 stages.run(*stage, config, &context)?;
-                timings.stage_s.insert(*stage, began.elapsed().as_secs_f64());
+                let elapsed_s = began.elapsed().as_secs_f64();
+                timings.stage_s.insert(*stage, elapsed_s);
                 let record = context.record();
+                tracing::info!(stage = stage.name(), elapsed_s, "{stage}: {}", done(&record, elapsed_s));
                 remove_superseded(folder.path(), manifest.stages.get(stage), &record);
                 manifest.enter(*stage, config, folder.path(), &record)?;
                 atomic::write_atomic(&folder.path().join(RESOLVED), config.resolved_toml().as_bytes())?;
@@ -140,10 +147,22 @@ fn run_plan(
             }
         }
     }
-    let page = stages.report(config, &manifest, folder.path())?;
-    atomic::write_atomic(&folder.path().join(REPORT), &page)?;
+    if let Some(page) = stages.report(config, &manifest, folder.path())? {
+        atomic::write_atomic(&folder.path().join(REPORT), &page)?;
+    }
     let exceeded = rejection_limit(config, &manifest);
     Ok(Outcome::Finished { folder: folder.path().to_owned(), manifest: Box::new(manifest), exceeded })
+}
+
+/// What a finished stage has done, for the log.
+fn done(record: &StageRecord, elapsed_s: f64) -> String {
+    let rejected = record.rejected().count();
+    let frames = match (record.frames.len(), rejected) {
+        (0, _) => String::new(),
+        (all, 0) => format!(", {all} frames"),
+        (all, rejected) => format!(", {} of {all} frames, {rejected} rejected", all - rejected),
+    };
+    format!("done in {elapsed_s:.1} s{frames}")
 }
 
 /// Whether the products of a stage in the run folder are those its settings would make now.
@@ -252,8 +271,13 @@ yaw = "0.6 deg"
             self.seen.push(format!("reuse {stage}"));
             Ok(())
         }
-        fn report(&mut self, _: &Config, manifest: &Manifest, _: &Path) -> Result<Vec<u8>, StageError> {
-            Ok(format!("{} stages", manifest.stages.len()).into_bytes())
+        fn report(
+            &mut self,
+            _: &Config,
+            manifest: &Manifest,
+            _: &Path,
+        ) -> Result<Option<Vec<u8>>, StageError> {
+            Ok(Some(format!("{} stages", manifest.stages.len()).into_bytes()))
         }
     }
 

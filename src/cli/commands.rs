@@ -1,0 +1,9 @@
+//! One file per command: load, call, print.
+
+pub mod check;
+pub mod completions;
+pub mod explain;
+pub mod locate;
+pub mod run;
+pub mod schema;
+pub mod simulate;

@@ -1,0 +1,141 @@
+//! What the stages of one run hand to each other, and the same without writing anything for commands that only look.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::camera::camera_from_parameters;
+use super::context::{ErrorClass, RunContext, Stage, StageError};
+use super::georeference::{self, Georeferenced};
+use crate::camera::Camera;
+use crate::config::{CameraSource, Config};
+use crate::mosaic::{Blend, MapBounds, MosaicPlan, PlanSettings};
+use crate::raster::Kernel;
+
+/// Products in memory.
+#[derive(Debug, Default)]
+pub struct Session {
+    camera: Option<Arc<Camera>>,
+    survey: Option<Georeferenced>,
+}
+
+impl Session {
+    /// Loads the camera and georeferences the survey, without writing anything.
+    ///
+    /// A camera that has yet to be calibrated from photos is taken from the run folder.
+    ///
+    /// # Errors
+    /// As the stages' own.
+    pub fn look(config: &Config, run_folder: &Path) -> Result<Self, StageError> {
+        let camera = Arc::new(look_at_camera(config, run_folder)?);
+        let survey = match &config.georeference {
+            None => None,
+            Some(declared) => Some(
+                georeference::georeference(declared, &camera)
+                    .map_err(|error| georeference::failed(config, error))?,
+            ),
+        };
+        Ok(Self { camera: Some(camera), survey })
+    }
+
+    /// The georeferenced survey.
+    ///
+    /// # Errors
+    /// The pipeline has no `[georeference]` table.
+    pub fn survey(&self) -> Result<&Georeferenced, StageError> {
+        self.survey.as_ref().ok_or_else(|| {
+            StageError::pipeline("the pipeline has no table [georeference]")
+                .help("add one: without poses there is no place on the ground")
+        })
+    }
+}
+
+impl Session {
+    /// Makes one stage's products and keeps what later stages need.
+    ///
+    /// # Errors
+    /// As the stage's own.
+    pub fn run(&mut self, stage: Stage, config: &Config, context: &RunContext) -> Result<(), StageError> {
+        match stage {
+            Stage::Calibrate => {
+                self.camera = Some(Arc::new(look_at_camera(config, Path::new(""))?));
+            }
+            Stage::Georeference => {
+                self.survey = Some(georeference::run(config, self.camera()?, context)?);
+            }
+            Stage::Mosaic | Stage::Accuracy => return Err(StageError::new(ErrorClass::Bug, "not wired")),
+        }
+        Ok(())
+    }
+
+    /// Takes what later stages need from an earlier run of the stage.
+    ///
+    /// Poses are worked out anew: that takes milliseconds per frame, and a copy on disk could disagree with them.
+    ///
+    /// # Errors
+    /// As [`Session::look`].
+    pub fn reuse(&mut self, stage: Stage, config: &Config, context: &RunContext) -> Result<(), StageError> {
+        match stage {
+            Stage::Calibrate => {
+                let folder = context.run_folder().unwrap_or(Path::new(""));
+                self.camera = Some(Arc::new(look_at_camera(config, folder)?));
+            }
+            Stage::Georeference => {
+                if let Some(declared) = &config.georeference {
+                    let survey = georeference::georeference(declared, self.camera()?)
+                        .map_err(|error| georeference::failed(config, error))?;
+                    self.survey = Some(survey);
+                }
+            }
+            Stage::Mosaic | Stage::Accuracy => {}
+        }
+        Ok(())
+    }
+
+    fn camera(&self) -> Result<&Arc<Camera>, StageError> {
+        self.camera.as_ref().ok_or_else(|| {
+            StageError::new(ErrorClass::Bug, "a stage that needs the camera ran before calibrate")
+        })
+    }
+
+    /// The mosaic's size without rendering it: columns, rows, ground sample distance in metres.
+    ///
+    /// # Errors
+    /// The mosaic cannot be laid out (nothing inside the bounds, absurd extent).
+    pub fn mosaic_size(&self, config: &Config) -> Result<Option<MosaicSize>, StageError> {
+        let (Some(declared), Some(survey)) = (&config.mosaic, &self.survey) else { return Ok(None) };
+        let bounds = declared.bounds.as_ref();
+        let settings = PlanSettings {
+            gsd_m: declared.gsd_m.as_ref().map(|gsd| gsd.value),
+            bounds: bounds.map(|b| MapBounds { west: b.west, south: b.south, east: b.east, north: b.north }),
+            metres_per_unit: survey.projection.metres_per_unit(),
+            channels: 3,
+            kernel: Kernel::Bilinear,
+            blend: Blend::Feather,
+        };
+        let plan = MosaicPlan::new(survey.frames.clone(), Arc::new(survey.projection.clone()), &settings)
+            .map_err(|error| {
+                StageError::input("the mosaic cannot be laid out")
+                    .because(error)
+                    .at(config.at(&declared.table))
+            })?;
+        Ok(Some(MosaicSize { columns: plan.width, rows: plan.height, gsd_m: plan.gsd_m }))
+    }
+}
+
+/// Size of a mosaic that is still to be made.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct MosaicSize {
+    /// Columns.
+    pub columns: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Side of a pixel, metres.
+    pub gsd_m: f64,
+}
+
+fn look_at_camera(config: &Config, _run_folder: &Path) -> Result<Camera, StageError> {
+    match &config.calibrate.camera {
+        CameraSource::Parameters(spec) => camera_from_parameters(config, spec),
+        _ => Err(StageError::new(ErrorClass::Bug, "not wired")),
+    }
+}
