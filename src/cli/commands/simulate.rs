@@ -10,7 +10,7 @@ use crate::cli::exit::ExitClass;
 use crate::cli::output::{human_bytes, print, print_json};
 use crate::config;
 use crate::formats::survey::SurveyWriteError;
-use crate::stages::simulate::{SimulateError, simulate_with_progress};
+use crate::stages::simulate::{SimulateError, simulate_with};
 use crate::stages::{ErrorClass, StageError};
 use crate::synthetic::Scenario;
 
@@ -18,7 +18,7 @@ pub fn run(arguments: &SimulateArguments, console: &Arc<Console>) -> Result<Exit
     let scenario: Scenario = config::load_document(&arguments.scenario, &arguments.overrides)?;
     let mut bar = None;
     let mut pictures = 0;
-    let written = simulate_with_progress(&scenario, &arguments.output, &mut |done, all| {
+    let written = simulate_with(&scenario, &arguments.output, arguments.force, &mut |done, all| {
         bar.get_or_insert_with(|| console.count("simulate", "rendering pictures", all))
             .advance((done - pictures) as u64);
         pictures = done;
@@ -54,10 +54,9 @@ fn failed(arguments: &SimulateArguments, error: SimulateError) -> StageError {
             arguments.scenario.display()
         ))
         .because(cause),
-        SimulateError::Write(SurveyWriteError::NotEmpty(folder)) => {
-            StageError::new(ErrorClass::Usage, format!("the folder {} is not empty", folder.display()))
-                .help("choose another folder with --output DIR, or replace a survey with --force")
-        }
+        SimulateError::Write(
+            cause @ (SurveyWriteError::Exists(_) | SurveyWriteError::NotASurvey(_) | SurveyWriteError::NoParent(_)),
+        ) => StageError::new(ErrorClass::Usage, cause.to_string()),
         SimulateError::Write(cause) => StageError::new(
             ErrorClass::Io,
             format!("the survey cannot be written to {}", arguments.output.display()),
