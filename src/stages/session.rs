@@ -62,7 +62,10 @@ impl Session {
             Stage::Georeference => {
                 self.survey = Some(georeference::run(config, self.camera()?, context)?);
             }
-            Stage::Mosaic | Stage::Accuracy => return Err(StageError::new(ErrorClass::Bug, "not wired")),
+            Stage::Mosaic => {
+                super::mosaic::run(config, self.survey()?, context)?;
+            }
+            Stage::Accuracy => return Err(StageError::new(ErrorClass::Bug, "not wired")),
         }
         Ok(())
     }

@@ -25,9 +25,9 @@ pub fn run(arguments: &LocateArguments) -> Result<ExitClass, StageError> {
         tracing::warn!("the pipeline has no [accuracy.sigmas], so the ellipse and CE90 stay empty");
     }
     let mut rows = Rows { json: arguments.json, failed: 0, all: 0 };
-    rows.header()?;
     match (&pixels, &arguments.frame, arguments.column, arguments.row) {
         (Some(pixels), ..) => {
+            rows.header()?;
             for row in pixels.table.rows() {
                 rows.put(&pixels.locate(&locator, &row))?;
             }
@@ -35,6 +35,7 @@ pub fn run(arguments: &LocateArguments) -> Result<ExitClass, StageError> {
         (None, Some(frame), Some(column), Some(row)) => {
             // Alone on the command line, a frame that is not there is an error of its own, with its hint.
             locator.frame(frame)?;
+            rows.header()?;
             let asked = Asked { frame: frame.clone(), pixel: ImagePoint::new(column, row), ground: None };
             rows.put(&locator.locate(&asked))?;
         }
