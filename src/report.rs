@@ -1,1 +1,14 @@
-//! Results to HTML, SVG and JSON text; computes nothing.
+//! What a run has to say, as numbers with names ([`numbers`]), as pictures ([`figures`]) and as one
+//! self-contained page ([`page`]).
+//!
+//! Nothing is computed here: the page and the JSON show the same numbers, and the page rounds them to what
+//! is known.
+
+pub mod contours;
+pub mod figures;
+pub mod numbers;
+pub mod page;
+
+pub use figures::{Figure, FigureError};
+pub use numbers::AccuracyNumbers;
+pub use page::{Page, PageError, render};

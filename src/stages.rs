@@ -1,5 +1,6 @@
 //! Thin stage adapters: load, call, save.
 
+pub mod accuracy;
 pub mod camera;
 pub mod context;
 pub mod explain;
@@ -7,6 +8,7 @@ pub mod georeference;
 pub mod locate;
 pub mod mosaic;
 pub mod session;
+pub mod page;
 pub mod simulate;
 
 pub use context::{

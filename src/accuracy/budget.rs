@@ -105,6 +105,19 @@ pub fn budget_at(
     })
 }
 
+/// The pixel that stands for the middle of a frame: the image centre, or the nearest pixel to it that sees
+/// ground; with its name.
+#[must_use]
+pub fn centre(frame: &GeoreferencedFrame) -> (&'static str, ImagePoint) {
+    let centre = frame.image_centre();
+    match frame.footprint.anchor {
+        Some(anchor) if anchor.pixel != centre => {
+            ("nearest pixel to the image centre that sees ground", anchor.pixel)
+        }
+        _ => ("image centre", centre),
+    }
+}
+
 /// The stored pixels of the four corners, `fraction` of the way from the image centre to the centre of
 /// each corner pixel: upper left, upper right, lower right, lower left.
 #[must_use]
@@ -147,12 +160,7 @@ pub fn corner_fraction(frame: &GeoreferencedFrame) -> Option<f64> {
 /// As [`FramePropagation::new`]; and as [`FramePropagation::at`] for the image centre.
 pub fn budget(frame: &GeoreferencedFrame, model: &ErrorModel) -> Result<Budget, PropagationError> {
     let propagation = FramePropagation::new(frame, model)?;
-    let anchor = frame.footprint.anchor.map_or_else(|| frame.image_centre(), |anchor| anchor.pixel);
-    let place = if anchor == frame.image_centre() {
-        "image centre"
-    } else {
-        "nearest pixel to the image centre that sees ground"
-    };
+    let (place, anchor) = centre(frame);
     let mut points = vec![budget_at(&propagation, place, anchor)?];
     let mut missing = Vec::new();
     // Without any common fraction the full corners are asked, so that the reasons are on record.

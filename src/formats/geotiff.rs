@@ -227,6 +227,47 @@ pub fn write_float(
     copy_to_cog(&dataset, target, options)
 }
 
+/// Writes named bands of floating point over an image as a GeoTIFF without CRS; NaN is no data.
+///
+/// Its coordinates are the image's pixels: easting is the column and northing the row, growing downwards,
+/// (0, 0) the centre of the top-left pixel. `step` is the size of a cell in pixels, across and down.
+///
+/// # Errors
+/// [`GeotiffError`].
+pub fn write_image_bands(
+    target: &Path,
+    bands: &[(&str, Raster<f32>)],
+    step: (f64, f64),
+    metadata: &[(String, String)],
+) -> Result<(), GeotiffError> {
+    set_up();
+    let size = bands.first().map_or((0, 0), |(_, raster)| (raster.width(), raster.height()));
+    let dataset = heard(|| {
+        let mut dataset = DriverManager::get_driver_by_name("MEM")?
+            .create_with_band_type::<f32, _>("", size.0, size.1, bands.len())?;
+        dataset.set_geo_transform(&[-0.5, step.0, 0.0, -0.5, 0.0, step.1])?;
+        for (key, value) in metadata {
+            dataset.set_metadata_item(key, value, "")?;
+        }
+        for (index, (name, raster)) in bands.iter().enumerate() {
+            let mut band = dataset.rasterband(index + 1)?;
+            band.set_no_data_value(Some(f64::NAN))?;
+            band.set_description(name)?;
+            band.write((0, 0), size, &mut Buffer::new(size, raster.samples().to_vec()))?;
+        }
+        Ok(dataset)
+    })
+    .map_err(write_failed(target))?;
+    let options = RasterCreationOptions::from_iter(["COMPRESS=DEFLATE", "PREDICTOR=3", "INTERLEAVE=BAND"]);
+    atomic_path(target, |path| {
+        heard(|| {
+            let driver = DriverManager::get_driver_by_name("GTiff")?;
+            dataset.create_copy(&driver, path, &options)?.close()
+        })
+        .map_err(write_failed(target))
+    })
+}
+
 /// A reduced picture of a colour raster: red, green, blue, alpha, at most `width` pixels wide.
 ///
 /// Colours are averaged over the pixels that are not transparent.

@@ -1,0 +1,295 @@
+//! The run's page, read back from the run folder: it shows what stands there, also when a run made only a part of it.
+
+use super::accuracy::{CE90_PICTURE, NUMBERS_FILE, RESIDUALS_FIGURE};
+use super::context::{ErrorClass, Stage, StageError};
+use super::georeference::Georeferenced;
+use crate::geodesy::{Geodetic, MapPoint, MapProjection, WGS84};
+use crate::report::figures::MapFrame;
+use crate::report::numbers::AccuracyNumbers;
+use crate::report::page::{
+    AccuracySection, Adjustment, CalibrationSection, CaptionedFigure, MosaicSection, Page, Parameter,
+    Provenance, Rejected, Survey,
+};
+use crate::report::render;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use std::path::Path;
+
+/// What the page needs beside the run folder's products.
+#[derive(Debug, Clone, Default)]
+pub struct PageInputs {
+    /// Name of the survey.
+    pub title: String,
+    /// Where the products come from.
+    pub provenance: Provenance,
+    /// Frames that were not used, with the reason.
+    pub rejected: Vec<(String, String)>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// Stages whose products stand in the folder.
+    pub stages: Vec<Stage>,
+}
+
+/// Makes the page as HTML.
+///
+/// # Errors
+/// [`StageError`] when a product of the folder cannot be read.
+pub fn page(
+    folder: &Path,
+    survey: Option<&Georeferenced>,
+    inputs: PageInputs,
+) -> Result<Vec<u8>, StageError> {
+    let has = |stage| inputs.stages.contains(&stage);
+    let rejected: Vec<Rejected> =
+        inputs.rejected.into_iter().map(|(name, reason)| Rejected { name, reason }).collect();
+    let page = Page {
+        title: inputs.title,
+        provenance: inputs.provenance,
+        survey: survey.map(|s| survey_section(s, rejected.len())).transpose()?,
+        mosaic: has(Stage::Mosaic).then(|| mosaic_section(&folder.join(Stage::Mosaic.name()))).transpose()?,
+        accuracy: has(Stage::Accuracy)
+            .then(|| accuracy_section(&folder.join(Stage::Accuracy.name())))
+            .transpose()?,
+        calibration: has(Stage::Calibrate)
+            .then(|| calibration_section(&folder.join(Stage::Calibrate.name())))
+            .transpose()?
+            .flatten(),
+        rejected,
+        warnings: inputs.warnings,
+    };
+    let html = render(&page).map_err(|e| StageError::new(ErrorClass::Bug, "no report page").because(e))?;
+    Ok(html.into_bytes())
+}
+
+/// Frames and their ground as the page shows them.
+///
+/// # Errors
+/// [`StageError`] when a frame has no image on the map.
+pub fn survey_section(survey: &Georeferenced, rejected: usize) -> Result<Survey, StageError> {
+    let off_map = |e: crate::geodesy::ProjectionError| StageError::input(e.to_string());
+    let frames = survey
+        .frames
+        .iter()
+        .map(|frame| {
+            let mut places: Vec<Geodetic> = frame.footprint.outline.iter().map(|v| v.position).collect();
+            places.push(WGS84.geodetic_from_ecef(&frame.ecef_from_camera().origin));
+            let mut map: Vec<[f64; 2]> = survey
+                .projection
+                .map_from_geodetic(&places)
+                .map_err(off_map)?
+                .into_iter()
+                .map(|MapPoint { easting, northing }| [easting, northing])
+                .collect();
+            let camera = map.pop().unwrap_or_default();
+            Ok(MapFrame { name: frame.name.clone(), outline: map, camera })
+        })
+        .collect::<Result<Vec<_>, StageError>>()?;
+    let sorted = |value: &dyn Fn(&crate::georeference::GeoreferencedFrame) -> f64| {
+        let mut values: Vec<f64> = survey.frames.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        values
+    };
+    let gsd = sorted(&|f| f.footprint.gsd_m);
+    let height = sorted(&|f| f.footprint.height_above_ground_m);
+    let ends = |v: &[f64]| [v.first().copied().unwrap_or(0.0), v.last().copied().unwrap_or(0.0)];
+    let projection = &survey.projection;
+    Ok(Survey {
+        frames_used: frames.len(),
+        frames_rejected: rejected,
+        crs: if projection.name() == projection.definition() {
+            projection.name().to_owned()
+        } else {
+            format!("{} ({})", projection.name(), projection.definition())
+        },
+        gsd_median_m: gsd.get(gsd.len() / 2).copied().unwrap_or(0.0),
+        gsd_range_m: ends(&gsd),
+        height_above_ground_m: ends(&height),
+        frames,
+        unit_m: (!projection.is_geographic()).then(|| projection.metres_per_unit()),
+    })
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, StageError> {
+    std::fs::read(path).map_err(|e| {
+        StageError::new(ErrorClass::Io, format!("cannot read {} for the report", path.display())).because(e)
+    })
+}
+
+fn text(path: &Path) -> Result<String, StageError> {
+    String::from_utf8(bytes(path)?)
+        .map_err(|_| StageError::new(ErrorClass::Io, format!("{} is not UTF-8 text", path.display())))
+}
+
+fn json<T: DeserializeOwned>(path: &Path) -> Result<T, StageError> {
+    serde_json::from_slice(&bytes(path)?).map_err(|e| {
+        StageError::new(ErrorClass::Io, format!("{} is not what its stage writes", path.display()))
+            .because(e)
+            .help("run the stage again with --force")
+    })
+}
+
+/// What the page takes from `mosaic.json`.
+#[derive(Deserialize)]
+struct Mosaic {
+    crs: String,
+    crs_name: String,
+    gsd_m: f64,
+    width_px: u64,
+    height_px: u64,
+    covered_m2: f64,
+}
+
+fn mosaic_section(folder: &Path) -> Result<MosaicSection, StageError> {
+    let mosaic: Mosaic = json(&folder.join("mosaic.json"))?;
+    Ok(MosaicSection {
+        preview_png: bytes(&folder.join("preview.png"))?,
+        file: "mosaic/mosaic.tif".to_owned(),
+        width_px: mosaic.width_px,
+        height_px: mosaic.height_px,
+        gsd_m: mosaic.gsd_m,
+        crs: if mosaic.crs == mosaic.crs_name {
+            mosaic.crs
+        } else {
+            format!("{} ({})", mosaic.crs_name, mosaic.crs)
+        },
+        area_m2: Some(mosaic.covered_m2),
+    })
+}
+
+fn accuracy_section(folder: &Path) -> Result<AccuracySection, StageError> {
+    let numbers: AccuracyNumbers = json(&folder.join(NUMBERS_FILE))?;
+    let figures = numbers
+        .figures
+        .iter()
+        .map(|f| {
+            let svg = text(&folder.join(&f.file))?;
+            Ok(CaptionedFigure { title: f.title.clone(), caption: f.caption.clone(), svg })
+        })
+        .collect::<Result<Vec<_>, StageError>>()?;
+    let ce90 = match &numbers.map {
+        Some(map) => Some((bytes(&folder.join(CE90_PICTURE))?, map.colour_range_m)),
+        None => None,
+    };
+    let residuals_svg = match numbers.check_points {
+        Some(_) => Some(text(&folder.join(RESIDUALS_FIGURE))?),
+        None => None,
+    };
+    Ok(AccuracySection { figures, ce90, residuals_svg, numbers })
+}
+
+/// What the page takes from `calibrate.json`.
+#[derive(Deserialize)]
+struct Calibrated {
+    parameters: Vec<CalibratedParameter>,
+    points: usize,
+    j_px2: f64,
+    j_per_point_px2: f64,
+    sigma0_px: f64,
+    support: Support,
+    views: Vec<serde::de::IgnoredAny>,
+    rejected_photos: Vec<RejectedPhoto>,
+}
+
+#[derive(Deserialize)]
+struct CalibratedParameter {
+    name: String,
+    value: f64,
+    std: Option<f64>,
+    insignificant: bool,
+}
+
+#[derive(Deserialize)]
+struct Support {
+    supported_share_of_frame: f64,
+    folded_share_of_frame: f64,
+}
+
+#[derive(Deserialize)]
+struct RejectedPhoto {
+    file: String,
+    reason: String,
+}
+
+/// The camera as `camera.json` has it, when it was not calibrated here.
+#[derive(Deserialize)]
+struct CameraFile {
+    fx_px: f64,
+    fy_px: f64,
+    skew_px: f64,
+    cx_px: f64,
+    cy_px: f64,
+    k1: f64,
+    k2: f64,
+    p1: f64,
+    p2: f64,
+    k3: f64,
+    covariance: Option<Vec<Vec<f64>>>,
+}
+
+fn calibration_section(folder: &Path) -> Result<Option<CalibrationSection>, StageError> {
+    let (calibrated, camera) = (folder.join("calibrate.json"), folder.join("camera.json"));
+    if calibrated.exists() {
+        let made: Calibrated = json(&calibrated)?;
+        let overlay = folder.join("overlay.png");
+        return Ok(Some(CalibrationSection {
+            source: "The camera was calibrated from views of a planar target.".to_owned(),
+            parameters: made
+                .parameters
+                .into_iter()
+                .map(|p| Parameter {
+                    name: p.name,
+                    value: p.value,
+                    std: p.std,
+                    insignificant: p.insignificant,
+                })
+                .collect(),
+            adjustment: Some(Adjustment {
+                views: made.views.len(),
+                points: made.points,
+                j_total_px2: made.j_px2,
+                j_per_point_px2: made.j_per_point_px2,
+                sigma0_px: made.sigma0_px,
+                supported_percent: 100.0 * made.support.supported_share_of_frame,
+                folded_percent: 100.0 * made.support.folded_share_of_frame,
+            }),
+            overlay_png: overlay.exists().then(|| bytes(&overlay)).transpose()?,
+            rejected: made
+                .rejected_photos
+                .into_iter()
+                .map(|r| Rejected { name: r.file, reason: r.reason })
+                .collect(),
+        }));
+    }
+    if !camera.exists() {
+        return Ok(None);
+    }
+    let c: CameraFile = json(&camera)?;
+    let values = [
+        ("fx_px", c.fx_px),
+        ("fy_px", c.fy_px),
+        ("skew_px", c.skew_px),
+        ("cx_px", c.cx_px),
+        ("cy_px", c.cy_px),
+        ("k1", c.k1),
+        ("k2", c.k2),
+        ("p1", c.p1),
+        ("p2", c.p2),
+        ("k3", c.k3),
+    ];
+    let std = |k: usize| Some(c.covariance.as_ref()?.get(k)?.get(k)?.max(0.0).sqrt());
+    Ok(Some(CalibrationSection {
+        source: "The camera was given with the pipeline.".to_owned(),
+        parameters: values
+            .into_iter()
+            .enumerate()
+            .map(|(k, (name, value))| {
+                let std = std(k);
+                let insignificant = std.is_some_and(|s| s > 0.0 && value.abs() < 2.0 * s);
+                Parameter { name: name.to_owned(), value, std, insignificant }
+            })
+            .collect(),
+        adjustment: None,
+        overlay_png: None,
+        rejected: Vec::new(),
+    }))
+}
