@@ -1,6 +1,6 @@
 //! GeoTIFFs out: mosaics and orthos tile by tile, single bands of floating point at once, all Cloud Optimized.
 //!
-//! Tiles go into a temporary plain GeoTIFF first, in memory while it is small, else in the output folder;
+//! Tiles go into a temporary raster first, in memory while it is small, else a file in the output folder;
 //! the Cloud Optimized file is a copy of it with overviews, because its driver can only copy. It appears
 //! under its name when it is complete. GDAL reports a mistyped option or a full disk in words only: its
 //! words are listened to, and an error among them is an error here.
@@ -15,7 +15,7 @@ use gdal::{Dataset, Driver, DriverManager, Metadata};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use tempfile::TempPath;
 
 /// Side of a block, pixels.
 const BLOCK: usize = crate::mosaic::TILE;
@@ -92,7 +92,9 @@ impl Encoding {
     fn options(self) -> Result<Vec<String>, GeotiffError> {
         let mut options = cog_options(self.name(), self.threads)?;
         match self.compression {
-            Compression::Deflate | Compression::Zstd | Compression::Lzw => options.push("PREDICTOR=YES".into()),
+            Compression::Deflate | Compression::Zstd | Compression::Lzw => {
+                options.push("PREDICTOR=YES".into())
+            }
             Compression::Jpeg | Compression::Webp => options.push(format!("QUALITY={}", self.quality)),
         }
         Ok(options)
@@ -103,7 +105,7 @@ impl Encoding {
 pub struct ColourWriter {
     // Before its file, so that it is closed first.
     dataset: Dataset,
-    _file: Scratch,
+    _file: Option<TempPath>,
     target: PathBuf,
 }
 
@@ -122,25 +124,23 @@ impl ColourWriter {
         set_up();
         let bands = channels + 1;
         let bytes = width.saturating_mul(height).saturating_mul(bands);
-        let file = Scratch::beside(target, bytes)?;
-        let options = [
-            "TILED=YES".to_owned(),
-            format!("BLOCKXSIZE={BLOCK}"),
-            format!("BLOCKYSIZE={BLOCK}"),
-            "INTERLEAVE=BAND".to_owned(),
-            "SPARSE_OK=TRUE".to_owned(),
-            "BIGTIFF=IF_SAFER".to_owned(),
-        ];
+        let file = if bytes <= SMALL { None } else { Some(scratch_beside(target)?) };
         let failed = write_failed(target);
         let dataset = heard(|| {
-            let driver = DriverManager::get_driver_by_name("GTiff")?;
-            let mut dataset = driver.create_with_band_type_with_options::<u8, _>(
-                &file.path,
-                width,
-                height,
-                bands,
-                &RasterCreationOptions::from_iter(options),
-            )?;
+            let mut dataset = match &file {
+                None => DriverManager::get_driver_by_name("MEM")?.create("", width, height, bands)?,
+                Some(file) => {
+                    let block = format!("BLOCKXSIZE={BLOCK} BLOCKYSIZE={BLOCK}");
+                    let options = "TILED=YES INTERLEAVE=BAND SPARSE_OK=TRUE BIGTIFF=IF_SAFER".split(' ');
+                    DriverManager::get_driver_by_name("GTiff")?.create_with_band_type_with_options::<u8, _>(
+                        file,
+                        width,
+                        height,
+                        bands,
+                        &RasterCreationOptions::from_iter(options.chain(block.split(' '))),
+                    )?
+                }
+            };
             describe(&mut dataset, description)?;
             let colours = match channels {
                 1 => vec![ColorInterpretation::GrayIndex],
@@ -214,8 +214,8 @@ pub fn write_float(
     options.push("PREDICTOR=YES".into());
     let size = (raster.width(), raster.height());
     let dataset = heard(|| {
-        let mut dataset =
-            DriverManager::get_driver_by_name("MEM")?.create_with_band_type::<f32, _>("", size.0, size.1, 1)?;
+        let mut dataset = DriverManager::get_driver_by_name("MEM")?
+            .create_with_band_type::<f32, _>("", size.0, size.1, 1)?;
         describe(&mut dataset, description)?;
         let mut band = dataset.rasterband(1)?;
         band.set_no_data_value(Some(f64::NAN))?;
@@ -284,7 +284,8 @@ pub fn read_preview(path: &Path, width: usize) -> Result<image::RgbaImage, Geoti
         let height = ((whole.1 * width) as f64 / whole.0 as f64).round().max(1.0) as usize;
         let size = (width, height);
         let plane = |band: &gdal::raster::RasterBand| {
-            band.read_as::<u8>((0, 0), whole, size, Some(ResampleAlg::Average)).map(|b| b.into_shape_and_vec().1)
+            band.read_as::<u8>((0, 0), whole, size, Some(ResampleAlg::Average))
+                .map(|b| b.into_shape_and_vec().1)
         };
         let first = dataset.rasterband(1)?;
         let alpha = plane(&first.open_mask_band()?)?;
@@ -364,40 +365,15 @@ fn offered_compressions() -> Vec<String> {
     option.split("<Value>").skip(1).filter_map(|v| v.split("</Value>").next().map(str::to_owned)).collect()
 }
 
-/// A temporary raster that vanishes with this value.
-struct Scratch {
-    path: PathBuf,
-    in_memory: bool,
-    // Keeps the name reserved and removes the file.
-    _reserved: Option<tempfile::TempPath>,
-}
-
-impl Scratch {
-    fn beside(target: &Path, bytes: usize) -> Result<Self, GeotiffError> {
-        static COUNT: AtomicUsize = AtomicUsize::new(0);
-        if bytes <= SMALL {
-            let number = COUNT.fetch_add(1, Ordering::Relaxed);
-            let path = PathBuf::from(format!("/vsimem/boresight-{}-{number}.tif", std::process::id()));
-            return Ok(Self { path, in_memory: true, _reserved: None });
-        }
-        let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let reserved = tempfile::Builder::new()
-            .prefix(atomic::TEMPORARY_PREFIX)
-            .suffix(".tif")
-            .tempfile_in(folder)
-            .map_err(|source| WriteError { action: "create", path: target.to_owned(), source })?
-            .into_temp_path();
-        Ok(Self { path: reserved.to_path_buf(), in_memory: false, _reserved: Some(reserved) })
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        if self.in_memory {
-            // Nothing depends on it any more; what cannot be removed goes with the process.
-            let _ = gdal::vsi::unlink_mem_file(&self.path);
-        }
-    }
+/// A temporary file in the target's folder; it goes with the value.
+fn scratch_beside(target: &Path) -> Result<TempPath, GeotiffError> {
+    let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = tempfile::Builder::new()
+        .prefix(atomic::TEMPORARY_PREFIX)
+        .suffix(".tif")
+        .tempfile_in(folder)
+        .map_err(|source| WriteError { action: "create", path: target.to_owned(), source })?;
+    Ok(file.into_temp_path())
 }
 
 fn write_failed(path: &Path) -> impl Fn(String) -> GeotiffError {

@@ -1,5 +1,6 @@
 //! What will be rendered: the grid, its tiles, and which frames may touch which tile.
 
+use super::weight::EdgeWeight;
 use crate::geodesy::{MapPoint, MapProjection, ProjectionError};
 use crate::georeference::GeoreferencedFrame;
 use crate::raster::{GridTransform, Kernel};
@@ -182,6 +183,8 @@ pub struct PlannedFrame {
     pub reach: MapBounds,
     /// Area of its footprint, square map units.
     pub area: f64,
+    /// How its pixels count; shared by the frames of one camera.
+    pub(super) weight: Arc<EdgeWeight>,
 }
 
 /// Everything needed to render any tile, but for the pixels of the frames.
@@ -243,10 +246,15 @@ impl MosaicPlan {
         if !(gsd_m > 0.0 && gsd_m.is_finite() && cell > 0.0 && cell.is_finite()) {
             return Err(PlanError::Gsd { gsd_m });
         }
-        let frames = frames
-            .into_iter()
-            .map(|frame| PlannedFrame::new(frame, projection.as_ref(), cell))
-            .collect::<Result<Vec<_>, _>>()?;
+        let mut planned: Vec<PlannedFrame> = Vec::with_capacity(frames.len());
+        for frame in frames {
+            let known = planned.iter().find(|p| {
+                Arc::ptr_eq(&p.frame.camera, &frame.camera) && p.frame.pixel_rotation == frame.pixel_rotation
+            });
+            let weight = known.map_or_else(|| Arc::new(EdgeWeight::of(&frame)), |p| Arc::clone(&p.weight));
+            planned.push(PlannedFrame::new(frame, weight, projection.as_ref(), cell)?);
+        }
+        let frames = planned;
         let canvas = canvas(&frames, settings.bounds.as_ref(), cell)?;
         let width = (canvas.width() / cell).round() as usize;
         let height = (canvas.height() / cell).round() as usize;
@@ -320,7 +328,12 @@ impl MosaicPlan {
 }
 
 impl PlannedFrame {
-    fn new(frame: GeoreferencedFrame, projection: &dyn MapProjection, cell: f64) -> Result<Self, PlanError> {
+    fn new(
+        frame: GeoreferencedFrame,
+        weight: Arc<EdgeWeight>,
+        projection: &dyn MapProjection,
+        cell: f64,
+    ) -> Result<Self, PlanError> {
         let on_map = |positions: &[_]| {
             projection
                 .map_from_geodetic(positions)
@@ -347,7 +360,7 @@ impl PlannedFrame {
         // The outline is a polygon through points of a curve: a hundredth of its size covers the bulges.
         let margin = 2.0 * cell + 0.01 * reach.width().max(reach.height());
         let area = area(&outline);
-        Ok(Self { reach: reach.widened(margin), outline, area, frame })
+        Ok(Self { reach: reach.widened(margin), outline, area, weight, frame })
     }
 
     fn extent(&self) -> MapBounds {

@@ -69,12 +69,7 @@ pub struct TilePixels {
 impl TilePixels {
     fn transparent(window: Window, channels: usize) -> Self {
         let pixels = window.width * window.height;
-        Self {
-            window,
-            planes: vec![vec![0; pixels]; channels],
-            alpha: vec![0; pixels],
-            frames: Vec::new(),
-        }
+        Self { window, planes: vec![vec![0; pixels]; channels], alpha: vec![0; pixels], frames: Vec::new() }
     }
     /// True when nothing is seen anywhere.
     #[must_use]
@@ -119,11 +114,7 @@ fn render<const CH: usize>(
         let Some(reach) = plan.pixels_of(index, &window) else {
             continue;
         };
-        let part = Window {
-            column: reach.column - window.column,
-            row: reach.row - window.row,
-            ..reach
-        };
+        let part = Window { column: reach.column - window.column, row: reach.row - window.row, ..reach };
         let frame = &plan.frames[index].frame;
         let map = map_frame(&mut ground, frame, &part);
         if map.is_empty() {
@@ -134,10 +125,10 @@ fn render<const CH: usize>(
             pyramid: &pyramid,
             plan,
             part,
-            weight: EdgeWeight::of(frame),
+            weight: &plan.frames[index].weight,
             size: frame.stored_size(),
         };
-        let before = canvas.painted;
+        canvas.painted = false;
         for cell in &map.cells {
             painter.paint_cell(cell, &mut canvas);
         }
@@ -145,7 +136,7 @@ fn render<const CH: usize>(
         for pixel in &map.pixels {
             painter.paint_pixel(pixel.column, pixel.row, &pixel.at, scale, &mut canvas);
         }
-        if canvas.painted > before {
+        if canvas.painted {
             seen.push(index);
         }
     }
@@ -189,8 +180,8 @@ struct Canvas<const CH: usize> {
     values: Vec<[f32; CH]>,
     /// Feather: sum of weights. None: the best frame's weight. 0 where nothing is seen.
     weights: Vec<f32>,
-    /// Pixels laid so far, all frames together.
-    painted: usize,
+    /// Whether the frame under way showed anywhere.
+    painted: bool,
 }
 
 impl<const CH: usize> Canvas<CH> {
@@ -201,26 +192,33 @@ impl<const CH: usize> Canvas<CH> {
             height,
             values: vec![[0.0; CH]; width * height],
             weights: vec![0.0; width * height],
-            painted: 0,
+            painted: false,
         }
     }
 
-    fn add(&mut self, index: usize, value: &[f32; CH], weight: f32) {
-        self.painted += 1;
+    /// Lays values with weights onto neighbouring pixels; a weight of 0 is no value.
+    fn add(&mut self, start: usize, values: &[[f32; CH]], weights: &[f32]) {
+        self.painted |= weights.iter().any(|w| *w > 0.0);
+        let held = self.values[start..].iter_mut().zip(&mut self.weights[start..]);
+        let laid = values.iter().zip(weights);
         match self.blend {
             Blend::Feather => {
-                let sums = &mut self.values[index];
-                for (sum, v) in sums.iter_mut().zip(value) {
-                    *sum += weight * v;
+                for ((sums, total), (value, weight)) in held.zip(laid) {
+                    for (sum, v) in sums.iter_mut().zip(value) {
+                        *sum += weight * v;
+                    }
+                    *total += weight;
                 }
-                self.weights[index] += weight;
             }
-            // Strictly greater: of equals the first frame stays.
-            Blend::None if weight > self.weights[index] => {
-                self.values[index] = *value;
-                self.weights[index] = weight;
+            Blend::None => {
+                for ((best, most), (value, weight)) in held.zip(laid) {
+                    // Strictly greater: of equals the first frame stays.
+                    if weight > most {
+                        *best = *value;
+                        *most = *weight;
+                    }
+                }
             }
-            Blend::None => {}
         }
     }
 
@@ -241,12 +239,7 @@ impl<const CH: usize> Canvas<CH> {
                 alpha[i] = 255;
             }
         }
-        TilePixels {
-            window,
-            planes,
-            alpha,
-            frames,
-        }
+        TilePixels { window, planes, alpha, frames }
     }
 }
 
@@ -256,7 +249,7 @@ struct Painter<'a> {
     plan: &'a MosaicPlan,
     /// The part of the tile that the frame reaches, in pixels of the tile.
     part: Window,
-    weight: EdgeWeight,
+    weight: &'a EdgeWeight,
     size: (u32, u32),
 }
 
@@ -265,14 +258,8 @@ impl Painter<'_> {
         let [ul, ur, ll, lr] = cell.corners;
         let side = cell.side as f64;
         let (across, down) = (
-            (
-                (ur.column - ul.column) / side,
-                (ur.row - ul.row) / side,
-            ),
-            (
-                (ll.column - ul.column) / side,
-                (ll.row - ul.row) / side,
-            ),
+            ((ur.column - ul.column) / side, (ur.row - ul.row) / side),
+            ((ll.column - ul.column) / side, (ll.row - ul.row) / side),
         );
         let scale = (across.0 * down.1 - across.1 * down.0).abs().sqrt();
         let level = ImagePyramid::level_for_scale(scale);
@@ -288,7 +275,7 @@ impl Painter<'_> {
         if first >= end {
             return;
         }
-        let mut values = [[0.0_f32; CH]; CELL];
+        let (mut values, mut weights) = ([[0.0_f32; CH]; CELL], [0.0_f32; CELL]);
         let top = cell.row.max(self.part.row);
         let bottom = (cell.row + cell.side).min(self.part.row + self.part.height);
         for row in top..bottom {
@@ -299,24 +286,22 @@ impl Painter<'_> {
             run.column += (first - cell.column) as f64 * run.column_step;
             run.row += (first - cell.column) as f64 * run.row_step;
             let values = &mut values[..end - first];
-            sample_run(
-                image,
-                self.plan.kernel,
-                run.at_level(level),
-                well_inside,
-                values,
-            );
-            let start = row * canvas.width + first;
-            for (i, value) in values.iter().enumerate() {
-                let at = FramePoint {
-                    column: run.column + i as f64 * run.column_step,
-                    row: run.row + i as f64 * run.row_step,
-                };
-                if all_valid || self.is_on_image(&at) {
-                    let weight = self.weight.at(at.column as f32, at.row as f32);
-                    canvas.add(start + i, value, weight);
+            sample_run(image, self.plan.kernel, run.at_level(level), well_inside, values);
+            let weights = &mut weights[..end - first];
+            self.weight.along(&run, weights);
+            if !all_valid {
+                for (i, weight) in weights.iter_mut().enumerate() {
+                    let i = i as f64;
+                    let at = FramePoint {
+                        column: run.column + i * run.column_step,
+                        row: run.row + i * run.row_step,
+                    };
+                    if !self.is_on_image(&at) {
+                        *weight = 0.0;
+                    }
                 }
             }
+            canvas.add(row * canvas.width + first, values, weights);
         }
     }
 
@@ -332,16 +317,12 @@ impl Painter<'_> {
             return;
         }
         let level = ImagePyramid::level_for_scale(scale);
-        let mut value = [[0.0_f32; CH]];
-        sample_run(
-            self.pyramid.level(level),
-            self.plan.kernel,
-            run_to(*at, *at, 1.0).at_level(level),
-            false,
-            &mut value,
-        );
-        let weight = self.weight.at(at.column as f32, at.row as f32);
-        canvas.add(row * canvas.width + column, &value[0], weight);
+        let (mut value, mut weight) = ([[0.0_f32; CH]], [0.0_f32]);
+        let run = run_to(*at, *at, 1.0);
+        let image = self.pyramid.level(level);
+        sample_run(image, self.plan.kernel, run.at_level(level), false, &mut value);
+        self.weight.along(&run, &mut weight);
+        canvas.add(row * canvas.width + column, &value, &weight);
     }
 
     /// Within half a pixel of a pixel centre, as [`crate::camera::Camera::contains`].
@@ -354,17 +335,11 @@ impl Painter<'_> {
 }
 
 fn lies_between_centres(image: &Image8, column: f64, row: f64) -> bool {
-    column >= 0.0
-        && row >= 0.0
-        && column <= (image.width() - 1) as f64
-        && row <= (image.height() - 1) as f64
+    column >= 0.0 && row >= 0.0 && column <= (image.width() - 1) as f64 && row <= (image.height() - 1) as f64
 }
 
 fn between(a: &FramePoint, b: &FramePoint, k: f64) -> FramePoint {
-    FramePoint {
-        column: a.column + k * (b.column - a.column),
-        row: a.row + k * (b.row - a.row),
-    }
+    FramePoint { column: a.column + k * (b.column - a.column), row: a.row + k * (b.row - a.row) }
 }
 
 fn run_to(from: FramePoint, to: FramePoint, steps: f64) -> Run {

@@ -2,7 +2,7 @@
 
 use crate::camera::ImagePoint;
 use crate::georeference::GeoreferencedFrame;
-use crate::raster::Raster;
+use crate::raster::{Raster, Run};
 
 /// Step of the grid on which the distance to a folded lens's edge is known, pixels.
 const FOLD_GRID_PX: f64 = 16.0;
@@ -33,14 +33,26 @@ impl EdgeWeight {
         }
     }
 
-    /// Weight at a position on the image, in (0, 1]: the squared distance to the edge over the greatest
-    /// possible one.
-    pub(super) fn at(&self, column: f32, row: f32) -> f32 {
-        let mut distance = (column + 0.5).min(self.right - column).min(row + 0.5).min(self.bottom - row);
-        if let Some(fold) = &self.fold {
-            distance = distance.min(bilinear(fold, column, row));
+    /// Weights at positions along a run, in (0, 1]: the squared distance to the edge over the greatest
+    /// possible one. Positions must lie on the image.
+    pub(super) fn along(&self, run: &Run, weights: &mut [f32]) {
+        let (column, row) = (run.column as f32, run.row as f32);
+        let (column_step, row_step) = (run.column_step as f32, run.row_step as f32);
+        for (i, weight) in weights.iter_mut().enumerate() {
+            let (column, row) = (column + i as f32 * column_step, row + i as f32 * row_step);
+            let distance = (column + 0.5).min(self.right - column).min((row + 0.5).min(self.bottom - row));
+            *weight = self.weight(distance);
         }
-        let share = distance * self.per_px;
+        if let Some(fold) = &self.fold {
+            for (i, weight) in weights.iter_mut().enumerate() {
+                let (column, row) = (column + i as f32 * column_step, row + i as f32 * row_step);
+                *weight = weight.min(self.weight(bilinear(fold, column, row)));
+            }
+        }
+    }
+
+    fn weight(&self, distance_px: f32) -> f32 {
+        let share = distance_px.max(0.0) * self.per_px;
         (share * share).clamp(LEAST, 1.0)
     }
 }

@@ -96,10 +96,8 @@ pub fn run(
     survey: &Georeferenced,
     context: &RunContext,
 ) -> Result<MosaicProduct, StageError> {
-    let declared = config
-        .mosaic
-        .as_ref()
-        .ok_or_else(|| StageError::pipeline("the pipeline has no [mosaic] table"))?;
+    let declared =
+        config.mosaic.as_ref().ok_or_else(|| StageError::pipeline("the pipeline has no [mosaic] table"))?;
     let images = images_folder(config)?;
     set_up();
     let path = context.product_path("mosaic.tif")?;
@@ -420,9 +418,7 @@ fn undecodable(
     frames
         .par_iter()
         .filter(|f| !rejected.contains_key(&f.name))
-        .filter_map(|f| {
-            photo::decode(&images.join(&f.name)).err().map(|error| (f.name.clone(), error.cause))
-        })
+        .filter_map(|f| photo::decode(&images.join(&f.name)).err().map(|error| (f.name.clone(), error.cause)))
         .collect()
 }
 

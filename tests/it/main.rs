@@ -1,6 +1,7 @@
 //! Tests through the library's public face and through the binary; one crate, so that it links once.
 
 mod cli;
+mod mosaic;
 mod simulated;
 mod surveys;
 mod tidy;

@@ -22,12 +22,12 @@ pub fn shared(name: &str) -> Option<PathBuf> {
     None
 }
 
-fn pipeline(name: &str) -> Config {
+pub fn pipeline(name: &str) -> Config {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines").join(name);
     Config::load(&file, &[]).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn seneca_camera() -> Arc<Camera> {
+pub fn seneca_camera() -> Arc<Camera> {
     let brown = Brown::new([
         1278.47459049334,
         1278.2654390059174,
