@@ -265,7 +265,6 @@ fn values_lie_where_the_ground_is() {
         let shift = [shift[0] / norm[0], shift[1] / norm[1]];
         assert!(shift.iter().all(|s| s.abs() < 0.02), "{kernel:?} {blend:?}: shifted by {shift:?} px");
         let rms = f64::sqrt(squares / count);
-        println!("{kernel:?} {blend:?}: shift {shift:?} px, rms {rms}");
         assert!(rms < limit_rms, "{kernel:?} {blend:?}: rms {rms}");
     }
 }

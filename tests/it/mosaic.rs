@@ -357,7 +357,7 @@ fn bounds_outside_the_survey_point_at_their_key() {
     let survey = Survey::new();
     let error = survey.run(&["mosaic.bounds={ west = 0, south = 0, east = 10, north = 10 }"]).unwrap_err();
     assert!(error.to_string().contains("no frame sees anything inside the bounds"), "{error}");
-    let error = survey.run(&["mosaic.gsd=1 um"]).unwrap_err();
+    let error = survey.run(&["mosaic.gsd=0.001 mm"]).unwrap_err();
     assert!(error.to_string().contains("choose a larger gsd"), "{error}");
 }
 

@@ -55,7 +55,9 @@ fn failed(arguments: &SimulateArguments, error: SimulateError) -> StageError {
         ))
         .because(cause),
         SimulateError::Write(
-            cause @ (SurveyWriteError::Exists(_) | SurveyWriteError::NotASurvey(_) | SurveyWriteError::NoParent(_)),
+            cause @ (SurveyWriteError::Exists(_)
+            | SurveyWriteError::NotASurvey(_)
+            | SurveyWriteError::NoParent(_)),
         ) => StageError::new(ErrorClass::Usage, cause.to_string()),
         SimulateError::Write(cause) => StageError::new(
             ErrorClass::Io,
