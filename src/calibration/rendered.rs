@@ -60,10 +60,12 @@ pub(super) fn observe(
     target
         .points()
         .into_iter()
-        .map(|board| {
+        .enumerate()
+        .map(|(i, board)| {
+            let growth = SquaresTarget::growth(i % 4);
             let p = see(brown, pose, board);
             let pixel = ImagePoint::new(p.column + normal.sample(random), p.row + normal.sample(random));
-            Observation { board, pixel }
+            Observation { board, growth, pixel }
         })
         .collect()
 }

@@ -73,7 +73,7 @@ fn uneven_light_blur_noise_small_and_tilted_targets() {
         let pose = pose(&target, distance, (0.0, 0.0), (0.6 * tilt, 0.8 * tilt, 10.0));
         let image = photo(&paper_camera(), &pose, &target, look);
         let detection = detect(&image, &target).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let (sharp, outwards) = errors(&detection, &pose, &target, |c| c.sharp);
+        let (sharp, _) = errors(&detection, &pose, &target, |c| c.sharp);
         assert_eq!(detection.corners.len(), 192, "{name}");
         assert!(sharp < limit, "{name}: {sharp} px");
     }
