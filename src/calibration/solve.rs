@@ -494,7 +494,7 @@ fn support(camera: &Camera, views: &[View]) -> Support {
             max_ideal_radius = max_ideal_radius.max(f64::hypot(p.x, p.y) / p.z);
             let cell = |at: f64, size: f64, cells: usize| {
                 let share = (at + 0.5) / size;
-                (0.0..1.0).contains(&share).then(|| (share * cells as f64) as usize)
+                (0.0..1.0).contains(&share).then_some((share * cells as f64) as usize)
             };
             let column = cell(point.observed.column, width, CELLS.0);
             let row = cell(point.observed.row, height, CELLS.1);

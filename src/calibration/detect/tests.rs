@@ -116,3 +116,22 @@ fn photos_larger_than_the_search_are_located_in_full() {
         assert!(miss < 0.1, "{corner:?} misses by {miss} px");
     }
 }
+
+proptest::proptest! {
+    #[test]
+    fn any_image_is_answered_without_panic(
+        width in 1..70_usize, height in 1..70_usize, seed in 0..u64::MAX, coarse in 1..16_usize,
+    ) {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        // Blocks of random size make quadrilaterals of all kinds likely.
+        let blocks: Vec<f32> =
+            (0..70 * 70).map(|_| if random.random_bool(0.4) { 20.0 } else { 230.0 }).collect();
+        let values = (0..width * height)
+            .map(|i| blocks[i / width / coarse * 70 + i % width / coarse] + random.random_range(-9.0..9.0))
+            .collect();
+        let image = Grey::new(width, height, values).unwrap();
+        let target = SquaresTarget::new(2, 2, 0.01, 0.01, Marker::None).unwrap();
+        let _ = detect(&image, &target);
+    }
+}
