@@ -4,6 +4,8 @@
 //! (`CONVENTIONS.md`).
 
 pub mod atomic;
+pub mod camera;
+pub mod corners;
 pub mod crs;
 pub mod elevation;
 pub mod files;

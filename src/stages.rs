@@ -1,6 +1,7 @@
 //! Thin stage adapters: load, call, save.
 
 pub mod accuracy;
+pub mod calibrate;
 pub mod camera;
 pub mod context;
 pub mod explain;

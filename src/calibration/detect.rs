@@ -3,7 +3,7 @@
 use super::grey::Grey;
 use super::lattice::{self, LatticeError};
 use super::localise;
-use super::quads::find_quads;
+use super::quads::{Quad, find_quads};
 use super::sharp::sharp;
 use super::target::{BoardPoint, Observation, SquaresTarget};
 use crate::camera::ImagePoint;
@@ -83,7 +83,14 @@ impl Detection {
     /// The sharp corners as observations for [`super::calibrate`].
     #[must_use]
     pub fn observations(&self) -> Vec<Observation> {
-        self.corners.iter().map(|corner| Observation { board: corner.board, pixel: corner.sharp }).collect()
+        self.corners
+            .iter()
+            .map(|corner| Observation {
+                board: corner.board,
+                growth: SquaresTarget::growth(corner.corner),
+                pixel: corner.sharp,
+            })
+            .collect()
     }
 }
 
@@ -113,26 +120,26 @@ pub fn detect(image: &Grey, target: &SquaresTarget) -> Result<Detection, DetectE
     let search = reduced.as_ref().unwrap_or(image);
     let smooth = search.smoothed();
     let longest = smooth.width().max(smooth.height()) as f64;
-    let mut best: Option<Result<Detection, DetectError>> = None;
+    let mut best: Option<(Vec<Quad>, Result<lattice::Labels, LatticeError>)> = None;
     for share in WINDOWS {
         let radius = (share * longest).round().max(2.0) as usize;
         let quads = find_quads(&smooth, radius, CONTRAST_SHARE * range);
-        let found = lattice::label(&quads, target)
-            .map_err(DetectError::from)
-            .and_then(|labels| locate(image, search, factor, &quads, &labels, target));
-        if found.as_ref().is_ok_and(|d| d.missing.is_empty()) {
-            return found;
-        }
-        let rank = |result: &Result<Detection, DetectError>| match result {
-            Ok(detection) => (2, detection.corners.len()),
-            Err(DetectError::Lattice(LatticeError::NoLattice { .. })) => (0, 0),
-            Err(_) => (1, 0),
+        let labels = lattice::label(&quads, target);
+        let rank = |labels: &Result<lattice::Labels, LatticeError>| match labels {
+            Ok(labels) => 2 + labels.squares.len(),
+            Err(LatticeError::NoLattice { .. }) => 0,
+            Err(_) => 1,
         };
-        if best.as_ref().is_none_or(|b| rank(&found) > rank(b)) {
-            best = Some(found);
+        if best.as_ref().is_none_or(|(_, so_far)| rank(&labels) > rank(so_far)) {
+            best = Some((quads, labels));
+        }
+        let complete = |labels: &lattice::Labels| labels.squares.len() == target.used_squares();
+        if best.as_ref().is_some_and(|(_, labels)| labels.as_ref().is_ok_and(complete)) {
+            break;
         }
     }
-    best.unwrap_or(Err(DetectError::NoContrast))
+    let (quads, labels) = best.ok_or(DetectError::NoContrast)?;
+    locate(image, search, factor, &quads, &labels?, target)
 }
 
 /// The three estimates for every labelled square.
@@ -140,7 +147,7 @@ fn locate(
     image: &Grey,
     search: &Grey,
     factor: usize,
-    quads: &[super::quads::Quad],
+    quads: &[Quad],
     labels: &lattice::Labels,
     target: &SquaresTarget,
 ) -> Result<Detection, DetectError> {

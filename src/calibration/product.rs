@@ -92,6 +92,9 @@ pub struct Calibration {
     pub std: [f64; 10],
     /// Correlations of the interior parameters; 0 with fixed ones.
     pub correlation: InteriorCovariance,
+    /// How much larger than declared the squares look, and its standard deviation, metres; `None` when not
+    /// estimated. Ink spreads and bright paper blooms, so a tenth of a millimetre is common.
+    pub side_excess_m: Option<(f64, f64)>,
     /// Estimated parameters that differ from zero by less than two standard deviations.
     pub insignificant: Vec<&'static str>,
     /// Where the lens is supported by points.

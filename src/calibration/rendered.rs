@@ -4,6 +4,7 @@ use super::grey::Grey;
 use super::target::{BoardPoint, Observation, SquaresTarget};
 use super::zhang::BoardPose;
 use crate::camera::{Brown, ImagePoint};
+use crate::units::Radians;
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -24,7 +25,7 @@ pub(super) fn pose(
 ) -> BoardPose {
     let far = target.corner(target.rows() - 1, target.columns() - 1, 2);
     let middle = Vector3::new(0.5 * far.x_m, 0.5 * far.y_m, 0.0);
-    let turn = |axis, degrees: f64| Rotation3::from_axis_angle(&axis, degrees.to_radians());
+    let turn = |axis, degrees: f64| Rotation3::from_axis_angle(&axis, Radians::from_degrees(degrees).get());
     let rotation = turn(Vector3::x_axis(), about_x)
         * turn(Vector3::y_axis(), about_y)
         * turn(Vector3::z_axis(), in_plane);
@@ -60,10 +61,12 @@ pub(super) fn observe(
     target
         .points()
         .into_iter()
-        .map(|board| {
+        .enumerate()
+        .map(|(i, board)| {
+            let growth = SquaresTarget::growth(i % 4);
             let p = see(brown, pose, board);
             let pixel = ImagePoint::new(p.column + normal.sample(random), p.row + normal.sample(random));
-            Observation { board, pixel }
+            Observation { board, growth, pixel }
         })
         .collect()
 }

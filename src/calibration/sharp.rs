@@ -24,6 +24,10 @@ const LEAST_BLUR_PX: f64 = 0.25;
 /// Pixels are used where the neighbouring edges leave this share of the dark: 1.6 σ away from them.
 const CLEAR_OF_CORNERS: f64 = 0.95;
 
+/// Widest half band around an edge, pixels: three standard deviations of the strongest blur (2 px) that
+/// still leaves a usable photo.
+const WIDEST_BAND_PX: f64 = 6.75;
+
 /// One edge: position and shape, brightness on both sides.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
@@ -135,7 +139,9 @@ pub(super) fn sharp(
         for k in 0..4 {
             let (previous, next) = (&before[(k + 3) % 4], &before[(k + 1) % 4]);
             // The first search reaches over the refined corner's error, later ones just over the blur.
-            let reach = if round == 0 { 4.0 * start_scale } else { 3.0 * before[k].blur + 0.75 };
+            // Shading and clutter farther out would pass for blur and draw the search on: hence the bound.
+            let reach = if round == 0 { 4.0 } else { (3.0 * before[k].blur + 0.75).min(WIDEST_BAND_PX) };
+            let reach = if round == 0 { reach * start_scale } else { reach };
             let samples = collect(image, &before[k], previous, next, reach.min(limit));
             edges[k] = fit(&before[k], &samples, round == 0)?;
         }
@@ -156,7 +162,7 @@ pub(super) fn sharp(
             (edge.dark, edge.light) = (edges[k].dark, edges[k].light);
             edges[k] = edge;
         }
-        if round > 0 && moved < 1e-3 {
+        if round > 0 && moved < 1e-2 {
             break;
         }
     }
@@ -208,9 +214,67 @@ fn collect(image: &Grey, edge: &Edge, previous: &Edge, next: &Edge, reach: f64) 
     samples
 }
 
-/// Gauss–Newton on a, b, c, dark, light and blur.
+/// Normal equations of one edge: a, b, c, dark, light, blur.
+struct Equations {
+    /// Lower triangle of JᵀJ.
+    matrix: [[f64; 6]; 6],
+    right: [f64; 6],
+    /// Mean square difference of a pixel from the step.
+    mean_square: f64,
+    /// What is minimised: the pixels' share and that of the prior knowledge of the bend.
+    cost: f64,
+}
+
+impl Equations {
+    /// `None` when the dark side is not the darker one.
+    fn new(edge: &Edge, samples: &[Sample], curvature_std: f64) -> Option<Self> {
+        let contrast = edge.light - edge.dark;
+        if contrast.is_nan() || contrast <= 0.0 {
+            return None;
+        }
+        let mut matrix = [[0.0; 6]; 6];
+        let mut right = [0.0; 6];
+        let mut sum = 0.0;
+        for s in samples {
+            let bend = s.station * s.station - 1.0 / 3.0;
+            let z = (s.across - edge.offset(s.station)) / edge.blur;
+            let (inside, density) = normal(z);
+            let covered = inside * s.kept;
+            let residual = s.value - (edge.light - contrast * covered);
+            // d(value)/d(offset) = contrast · kept · density / blur.
+            let by_offset = contrast * s.kept * density / edge.blur;
+            let row =
+                [by_offset, by_offset * s.station, by_offset * bend, covered, 1.0 - covered, by_offset * z];
+            for i in 0..6 {
+                for j in 0..=i {
+                    matrix[i][j] += row[i] * row[j];
+                }
+                right[i] += row[i] * residual;
+            }
+            sum += residual * residual;
+        }
+        // What is known of the bend before looking, weighed against pixels that fit the step to 2 % of its
+        // height, as photos do.
+        let prior = (0.02 * contrast / curvature_std).powi(2);
+        matrix[2][2] += prior;
+        right[2] -= prior * edge.shape[2];
+        let cost = sum + prior * edge.shape[2].powi(2);
+        Some(Self { matrix, right, mean_square: sum / samples.len() as f64, cost })
+    }
+
+    fn solve(&self, damping: f64) -> Option<Vector6<f64>> {
+        let matrix = Matrix6::from_fn(|i, j| {
+            self.matrix[i.max(j)][i.min(j)] * if i == j { 1.0 + damping } else { 1.0 }
+        });
+        matrix.cholesky().map(|cholesky| cholesky.solve(&Vector6::from(self.right)))
+    }
+}
+
+/// Levenberg–Marquardt on a, b, c, dark, light and blur.
 fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
     const STEPS: usize = 12;
+    // Steps shrink a hundredfold and more from one to the next: the last one leaves far less than this.
+    let tolerance_px = if from_scratch { 5e-2 } else { 5e-3 };
     let mut edge = *start;
     if samples.len() < 20 {
         return None;
@@ -229,60 +293,31 @@ fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
         edge.light = mean(&|s| s.across < -1.5).or_else(|| mean(&|s| s.across < 0.0))?;
     }
     let curvature_std = CURVATURE_STD * edge.half_length * edge.half_length * 0.5;
-    let mut mean_square = f64::INFINITY;
+    let (mut equations, mut damping) = (Equations::new(&edge, samples, curvature_std)?, 1e-3);
     for _ in 0..STEPS {
-        let contrast = edge.light - edge.dark;
-        if contrast <= 0.0 {
-            return None;
-        }
-        let mut normal_matrix = Matrix6::<f64>::zeros();
-        let mut right = Vector6::<f64>::zeros();
-        let mut sum = 0.0;
-        for s in samples {
-            let bend = s.station * s.station - 1.0 / 3.0;
-            let z = (s.across - edge.offset(s.station)) / edge.blur;
-            let (inside, density) = normal(z);
-            let covered = inside * s.kept;
-            let residual = s.value - (edge.light - contrast * covered);
-            // d(value)/d(offset) = contrast · kept · density / blur.
-            let by_offset = contrast * s.kept * density / edge.blur;
-            let row = Vector6::new(
-                by_offset,
-                by_offset * s.station,
-                by_offset * bend,
-                covered,
-                1.0 - covered,
-                by_offset * z,
-            );
-            normal_matrix.syger(1.0, &row, &row, 1.0);
-            right.axpy(residual, &row, 1.0);
-            sum += residual * residual;
-        }
-        mean_square = sum / samples.len() as f64;
-        // What is known of the bend before looking, weighed against the pixels' noise. A floor on the
-        // noise keeps perfect images from ignoring it.
-        let noise = mean_square.max((0.003 * contrast).powi(2));
-        let prior = noise / (curvature_std * curvature_std);
-        normal_matrix[(2, 2)] += prior;
-        right[2] -= prior * edge.shape[2];
-        normal_matrix.fill_upper_triangle_with_lower_triangle();
-        let step = normal_matrix.cholesky()?.solve(&right);
-        // Far from the solution the step is not linear: at most a pixel, at most half the blur.
-        let scale = (1.0 / step[0].abs().max(step[1].abs()).max(1.0))
-            .min(0.5 * edge.blur / step[5].abs().max(0.5 * edge.blur));
+        let step = equations.solve(damping)?;
+        let mut next = edge;
         for k in 0..3 {
-            edge.shape[k] += scale * step[k];
+            next.shape[k] += step[k];
         }
-        edge.dark += scale * step[3];
-        edge.light += scale * step[4];
-        edge.blur = (edge.blur + scale * step[5]).max(LEAST_BLUR_PX);
-        if step.iter().take(3).all(|v| v.abs() < 1e-4) {
-            break;
+        next.dark += step[3];
+        next.light += step[4];
+        next.blur = (edge.blur + step[5]).max(LEAST_BLUR_PX);
+        // On an edge along a pixel row that is sharper than a pixel, position and blur show in one row of
+        // pixels only: undamped steps would run away.
+        match Equations::new(&next, samples, curvature_std) {
+            Some(there) if there.cost <= equations.cost => {
+                (edge, equations, damping) = (next, there, 0.1 * damping);
+                if step.iter().take(3).all(|v| v.abs() < tolerance_px) {
+                    break;
+                }
+            }
+            _ => damping = (10.0 * damping).max(1e-3),
         }
     }
     // The band must reach past the blur, and the step must explain what is seen in it.
     let contrast = edge.light - edge.dark;
-    let clean = mean_square.sqrt() < 0.2 * contrast && edge.blur < 0.35 * edge.half_length.max(4.0);
+    let clean = equations.mean_square.sqrt() < 0.2 * contrast && edge.blur < 0.35 * edge.half_length.max(4.0);
     clean.then_some(edge)
 }
 

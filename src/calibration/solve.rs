@@ -7,13 +7,18 @@
 //! Hemerly (2014), eq. (5): J(θ) = Σ ‖observed − predicted‖², θ of 10 + 6 n parameters.
 
 use super::product::{Calibration, PointResidual, Support, View, ViewPoints};
+use super::target::{BoardPoint, Observation};
 use super::zhang::{self, BoardPose, StartError};
 use crate::camera::{Brown, Camera, CameraError, INTERIOR_NAMES, ImagePoint, InteriorCovariance};
 use crate::geometry::{Point, Pose, Rotation};
 use nalgebra::{Matrix2x3, Matrix6, Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 
-type Interior = SVector<f64, 10>;
-type InteriorByPose = SMatrix<f64, 10, 6>;
+/// Parameters common to all views: the interior, then the excess of the squares' side (m).
+const SHARED: usize = 11;
+const SIDE: usize = 10;
+type Shared = SVector<f64, SHARED>;
+type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
+type SharedByPose = SMatrix<f64, SHARED, 6>;
 
 /// Lens terms that are estimated; the others stay zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,13 +38,16 @@ pub struct LensModel {
     pub lens: Lens,
     /// Whether the skew is estimated; zero otherwise.
     pub skew: bool,
+    /// Whether the squares' apparent side is estimated along; as declared otherwise. Not part of the camera:
+    /// ink spreads and bright paper blooms over the black, which moves all corners of a square in or out.
+    pub side: bool,
 }
 
 impl LensModel {
-    /// The paper's model: all ten parameters.
-    pub const PAPER: Self = Self { lens: Lens::Brown5, skew: true };
+    /// The paper's model: all ten interior parameters, squares as declared.
+    pub const PAPER: Self = Self { lens: Lens::Brown5, skew: true, side: false };
 
-    /// Estimated parameters, in the order of [`INTERIOR_NAMES`].
+    /// Which interior parameters are estimated, in the order of [`INTERIOR_NAMES`].
     #[must_use]
     pub const fn free(&self) -> [bool; 10] {
         let tangential = !matches!(self.lens, Lens::Radial2);
@@ -103,7 +111,11 @@ pub fn calibrate(
     model: LensModel,
 ) -> Result<Calibration, CalibrationError> {
     let starts = zhang::starts(views, width, height, model.skew)?;
-    let free = model.free();
+    let interior_free = model.free();
+    // Points that do not move with the side cannot tell it.
+    let grows = |o: &Observation| o.growth.x_m != 0.0 || o.growth.y_m != 0.0;
+    let side = model.side && views.iter().flat_map(|view| &view.observations).any(grows);
+    let free: [bool; SHARED] = std::array::from_fn(|k| interior_free.get(k).copied().unwrap_or(side));
     let free_count = free.iter().filter(|f| **f).count();
     let points: usize = views.iter().map(|view| view.observations.len()).sum();
     let (coordinates, parameters) = (2 * points, free_count + 6 * views.len());
@@ -119,7 +131,7 @@ pub fn calibrate(
                     *value = 0.0;
                 }
             }
-            let state = State { brown: Brown::new(interior).ok()?, poses: s.poses };
+            let state = State { brown: Brown::new(interior).ok()?, side_excess_m: 0.0, poses: s.poses };
             let cost = cost(&state, views)?;
             Some((cost, s.form, state))
         })
@@ -130,13 +142,15 @@ pub fn calibrate(
     let normal = NormalEquations::new(&state, views, &free).ok_or(StartError::NoCamera)?;
     let j_total = normal.cost;
     let variance = j_total / (coordinates - parameters) as f64;
-    let (interior_cofactor, pose_cofactors) = normal.cofactors(&free)?;
+    let (shared_cofactor, pose_cofactors) = normal.cofactors(&free)?;
 
-    let mut covariance = interior_cofactor * variance;
-    for k in (0..10).filter(|&k| !free[k]) {
-        covariance.fill_row(k, 0.0);
-        covariance.fill_column(k, 0.0);
+    let mut shared_covariance = shared_cofactor * variance;
+    for k in (0..SHARED).filter(|&k| !free[k]) {
+        shared_covariance.fill_row(k, 0.0);
+        shared_covariance.fill_column(k, 0.0);
     }
+    let covariance: InteriorCovariance = shared_covariance.fixed_view::<10, 10>(0, 0).into_owned();
+    let side_excess_m = side.then(|| (state.side_excess_m, shared_covariance[(SIDE, SIDE)].sqrt()));
     let std: [f64; 10] = std::array::from_fn(|k| covariance[(k, k)].sqrt());
     let correlation = InteriorCovariance::from_fn(|i, j| {
         let scale = std[i] * std[j];
@@ -161,10 +175,10 @@ pub fn calibrate(
                 .map(|o| PointResidual {
                     board: o.board,
                     observed: o.pixel,
-                    predicted: state.brown.project(ideal(pose, o.board.x_m, o.board.y_m).0).pixel,
+                    predicted: state.brown.project(ideal(pose, state.place(o)).0).pixel,
                 })
                 .collect();
-            let mut cross = cross * variance;
+            let mut cross = cross.fixed_rows::<10>(0) * variance;
             for k in (0..10).filter(|&k| !free[k]) {
                 cross.fill_row(k, 0.0);
             }
@@ -193,6 +207,7 @@ pub fn calibrate(
         iterations,
         std,
         correlation,
+        side_excess_m,
         insignificant,
         support,
         views,
@@ -208,12 +223,23 @@ fn root_mean_square(points: &[PointResidual]) -> f64 {
 #[derive(Clone)]
 struct State {
     brown: Brown,
+    side_excess_m: f64,
     poses: Vec<BoardPose>,
 }
 
+impl State {
+    /// Where a point is on the board, given how large the squares really are.
+    fn place(&self, o: &Observation) -> BoardPoint {
+        BoardPoint {
+            x_m: o.board.x_m + o.growth.x_m * self.side_excess_m,
+            y_m: o.board.y_m + o.growth.y_m * self.side_excess_m,
+        }
+    }
+}
+
 /// Ideal image point of a board point, the point in the camera, and its rotated part.
-fn ideal(pose: &BoardPose, x_m: f64, y_m: f64) -> (Vector2<f64>, Vector3<f64>, Vector3<f64>) {
-    let rotated = pose.rotation * Vector3::new(x_m, y_m, 0.0);
+fn ideal(pose: &BoardPose, board: BoardPoint) -> (Vector2<f64>, Vector3<f64>, Vector3<f64>) {
+    let rotated = pose.rotation * Vector3::new(board.x_m, board.y_m, 0.0);
     let p = rotated + pose.translation;
     (Vector2::new(p.x / p.z, p.y / p.z), p, rotated)
 }
@@ -223,7 +249,7 @@ fn cost(state: &State, views: &[ViewPoints]) -> Option<f64> {
     let mut sum = 0.0;
     for (pose, view) in state.poses.iter().zip(views) {
         for o in &view.observations {
-            let (at, p, _) = ideal(pose, o.board.x_m, o.board.y_m);
+            let (at, p, _) = ideal(pose, state.place(o));
             if p.z <= 0.0 {
                 return None;
             }
@@ -240,27 +266,27 @@ fn residual(observed: ImagePoint, predicted: ImagePoint) -> Vector2<f64> {
 
 /// JᵀJ and Jᵀr by blocks.
 struct NormalEquations {
-    interior: InteriorCovariance,
-    interior_right: Interior,
-    /// Per view: pose block, coupling to the interior, right-hand side.
-    views: Vec<(Matrix6<f64>, InteriorByPose, Vector6<f64>)>,
+    shared: SharedMatrix,
+    shared_right: Shared,
+    /// Per view: pose block, coupling to the shared parameters, right-hand side.
+    views: Vec<(Matrix6<f64>, SharedByPose, Vector6<f64>)>,
     cost: f64,
 }
 
 impl NormalEquations {
-    fn new(state: &State, views: &[ViewPoints], free: &[bool; 10]) -> Option<Self> {
+    fn new(state: &State, views: &[ViewPoints], free: &[bool; SHARED]) -> Option<Self> {
         let mut sums = Self {
-            interior: InteriorCovariance::zeros(),
-            interior_right: Interior::zeros(),
+            shared: SharedMatrix::zeros(),
+            shared_right: Shared::zeros(),
             views: Vec::with_capacity(views.len()),
             cost: 0.0,
         };
         for (pose, view) in state.poses.iter().zip(views) {
             let mut block = Matrix6::zeros();
-            let mut coupling = InteriorByPose::zeros();
+            let mut coupling = SharedByPose::zeros();
             let mut right = Vector6::zeros();
             for o in &view.observations {
-                let (at, p, rotated) = ideal(pose, o.board.x_m, o.board.y_m);
+                let (at, p, rotated) = ideal(pose, state.place(o));
                 if p.z <= 0.0 {
                     return None;
                 }
@@ -270,40 +296,45 @@ impl NormalEquations {
                 let mut by_pose = SMatrix::<f64, 2, 6>::zeros();
                 by_pose.fixed_columns_mut::<3>(0).copy_from(&(-by_camera * rotated.cross_matrix()));
                 by_pose.fixed_columns_mut::<3>(3).copy_from(&by_camera);
+                let by_side = by_camera * (pose.rotation * Vector3::new(o.growth.x_m, o.growth.y_m, 0.0));
                 let residual = residual(o.pixel, projected.pixel);
                 for axis in 0..2 {
-                    let interior_row: Interior = projected.by_interior.row(axis).transpose();
+                    let mut shared_row = Shared::zeros();
+                    shared_row
+                        .fixed_rows_mut::<10>(0)
+                        .copy_from(&projected.by_interior.row(axis).transpose());
+                    shared_row[SIDE] = by_side[axis];
                     let pose_row: Vector6<f64> = by_pose.row(axis).transpose();
-                    sums.interior.ger(1.0, &interior_row, &interior_row, 1.0);
-                    coupling.ger(1.0, &interior_row, &pose_row, 1.0);
+                    sums.shared.ger(1.0, &shared_row, &shared_row, 1.0);
+                    coupling.ger(1.0, &shared_row, &pose_row, 1.0);
                     block.ger(1.0, &pose_row, &pose_row, 1.0);
-                    sums.interior_right.axpy(residual[axis], &interior_row, 1.0);
+                    sums.shared_right.axpy(residual[axis], &shared_row, 1.0);
                     right.axpy(residual[axis], &pose_row, 1.0);
                 }
                 sums.cost += residual.norm_squared();
             }
-            for k in (0..10).filter(|&k| !free[k]) {
+            for k in (0..SHARED).filter(|&k| !free[k]) {
                 coupling.fill_row(k, 0.0);
             }
             sums.views.push((block, coupling, right));
         }
-        for k in (0..10).filter(|&k| !free[k]) {
-            sums.interior.fill_row(k, 0.0);
-            sums.interior.fill_column(k, 0.0);
-            sums.interior[(k, k)] = 1.0;
-            sums.interior_right[k] = 0.0;
+        for k in (0..SHARED).filter(|&k| !free[k]) {
+            sums.shared.fill_row(k, 0.0);
+            sums.shared.fill_column(k, 0.0);
+            sums.shared[(k, k)] = 1.0;
+            sums.shared_right[k] = 0.0;
         }
         sums.cost.is_finite().then_some(sums)
     }
 
     /// The step for a damping, and its length in pixels: √(δᵀJᵀr), the norm of the change of all
     /// residuals when the damping is small.
-    fn step(&self, damping: f64) -> Option<(Interior, Vec<Vector6<f64>>, f64)> {
-        let mut reduced = self.interior;
-        for k in 0..10 {
+    fn step(&self, damping: f64) -> Option<(Shared, Vec<Vector6<f64>>, f64)> {
+        let mut reduced = self.shared;
+        for k in 0..SHARED {
             reduced[(k, k)] *= 1.0 + damping;
         }
-        let mut right = self.interior_right;
+        let mut right = self.shared_right;
         let mut inverses = Vec::with_capacity(self.views.len());
         for (block, coupling, view_right) in &self.views {
             let mut block = *block;
@@ -316,25 +347,27 @@ impl NormalEquations {
             right -= share * view_right;
             inverses.push(inverse);
         }
-        let interior = inverse_scaled(reduced)? * right;
-        let mut length = interior.dot(&self.interior_right);
+        let shared = inverse_scaled(reduced)? * right;
+        let mut length = shared.dot(&self.shared_right);
         let mut poses = Vec::with_capacity(self.views.len());
         for ((_, coupling, view_right), inverse) in self.views.iter().zip(inverses) {
-            let pose = inverse * (view_right - coupling.transpose() * interior);
+            let pose = inverse * (view_right - coupling.transpose() * shared);
             length += pose.dot(view_right);
             poses.push(pose);
         }
-        Some((interior, poses, length.max(0.0).sqrt()))
+        Some((shared, poses, length.max(0.0).sqrt()))
     }
 
-    /// (JᵀJ)⁻¹ by blocks: interior, and per view the pose and its coupling to the interior.
+    /// (JᵀJ)⁻¹ by blocks: shared parameters, and per view the pose and its coupling to them.
     #[expect(clippy::type_complexity, reason = "used once, next to its definition")]
     fn cofactors(
         &self,
-        free: &[bool; 10],
-    ) -> Result<(InteriorCovariance, Vec<(Matrix6<f64>, InteriorByPose)>), CalibrationError> {
-        let unfound = |k: usize| CalibrationError::Undetermined { parameter: INTERIOR_NAMES[k] };
-        let mut reduced = self.interior;
+        free: &[bool; SHARED],
+    ) -> Result<(SharedMatrix, Vec<(Matrix6<f64>, SharedByPose)>), CalibrationError> {
+        let unfound = |k: usize| CalibrationError::Undetermined {
+            parameter: INTERIOR_NAMES.get(k).copied().unwrap_or("the squares' side"),
+        };
+        let mut reduced = self.shared;
         let mut parts = Vec::with_capacity(self.views.len());
         for (block, coupling, _) in &self.views {
             let inverse =
@@ -344,28 +377,28 @@ impl NormalEquations {
             parts.push((inverse, share));
         }
         // With unit diagonal, a vanishing eigenvalue is a combination of parameters that nothing fixes.
-        for k in (0..10).filter(|&k| free[k]) {
-            let kept = reduced[(k, k)] / self.interior[(k, k)];
+        for k in (0..SHARED).filter(|&k| free[k]) {
+            let kept = reduced[(k, k)] / self.shared[(k, k)];
             if kept.is_nan() || kept <= 1e-12 {
                 return Err(unfound(k));
             }
         }
-        let scale = Interior::from_fn(|k, _| 1.0 / reduced[(k, k)].sqrt());
-        let scaled = InteriorCovariance::from_fn(|i, j| scale[i] * scale[j] * reduced[(i, j)]);
+        let scale = Shared::from_fn(|k, _| 1.0 / reduced[(k, k)].sqrt());
+        let scaled = SharedMatrix::from_fn(|i, j| scale[i] * scale[j] * reduced[(i, j)]);
         let eigen = scaled.symmetric_eigen();
         let least = eigen.eigenvalues.imin();
         if eigen.eigenvalues[least] <= 1e-13 * eigen.eigenvalues.max() {
             return Err(unfound(eigen.eigenvectors.column(least).iamax()));
         }
-        let interior = inverse_scaled(reduced).ok_or_else(|| unfound(0))?;
+        let shared = inverse_scaled(reduced).ok_or_else(|| unfound(0))?;
         let poses = parts
             .into_iter()
             .map(|(inverse, share)| {
-                let cross = -interior * share;
+                let cross = -shared * share;
                 (inverse - share.transpose() * cross, cross)
             })
             .collect();
-        Ok((interior, poses))
+        Ok((shared, poses))
     }
 }
 
@@ -387,7 +420,7 @@ fn inverse_scaled<const N: usize>(matrix: SMatrix<f64, N, N>) -> Option<SMatrix<
 fn minimise(
     mut state: State,
     views: &[ViewPoints],
-    free: &[bool; 10],
+    free: &[bool; SHARED],
 ) -> Result<(State, usize), CalibrationError> {
     const MAX_STEPS: usize = 300;
     const LARGEST_DAMPING: f64 = 1e14;
@@ -397,10 +430,12 @@ fn minimise(
     let mut iterations = 0;
     while iterations < MAX_STEPS {
         iterations += 1;
-        let trial = normal.step(damping).and_then(|(interior, poses, length)| {
-            let values = Interior::from(state.brown.interior()) + interior;
+        let trial = normal.step(damping).and_then(|(shared, poses, length)| {
+            let mut interior = state.brown.interior();
+            interior.iter_mut().zip(shared.iter()).for_each(|(value, step)| *value += step);
             let next = State {
-                brown: Brown::new(values.into()).ok()?,
+                brown: Brown::new(interior).ok()?,
+                side_excess_m: state.side_excess_m + shared[SIDE],
                 poses: state
                     .poses
                     .iter()
@@ -459,7 +494,7 @@ fn support(camera: &Camera, views: &[View]) -> Support {
             max_ideal_radius = max_ideal_radius.max(f64::hypot(p.x, p.y) / p.z);
             let cell = |at: f64, size: f64, cells: usize| {
                 let share = (at + 0.5) / size;
-                (0.0..1.0).contains(&share).then(|| (share * cells as f64) as usize)
+                (0.0..1.0).contains(&share).then_some((share * cells as f64) as usize)
             };
             let column = cell(point.observed.column, width, CELLS.0);
             let row = cell(point.observed.row, height, CELLS.1);

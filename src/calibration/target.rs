@@ -26,6 +26,8 @@ pub struct BoardPoint {
 pub struct Observation {
     /// Where the point is on the board.
     pub board: BoardPoint,
+    /// How the point moves when squares are larger than declared: m per m of side. Zero when it does not.
+    pub growth: BoardPoint,
     /// Where it was seen.
     pub pixel: ImagePoint,
 }
@@ -162,6 +164,12 @@ impl SquaresTarget {
             x_m: column as f64 * pitch + right * self.side_m,
             y_m: row as f64 * pitch + down * self.side_m,
         }
+    }
+    /// How a corner moves when the squares are larger than declared, about their centres: m per m of side.
+    #[must_use]
+    pub fn growth(corner: usize) -> BoardPoint {
+        let (x_m, y_m) = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)][corner % 4];
+        BoardPoint { x_m, y_m }
     }
     /// All calibration points, row by row, square by square, clockwise from each upper left corner.
     #[must_use]

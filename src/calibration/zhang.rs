@@ -6,10 +6,11 @@
 
 use super::product::ViewPoints;
 use super::target::Observation;
+use crate::units::Radians;
 use nalgebra::{DMatrix, Matrix2, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
-/// Board normals closer than this give the same constraint on the camera twice, degrees.
-const PARALLEL_DEG: f64 = 2.0;
+/// Board normals closer than this give the same constraint on the camera twice.
+const PARALLEL: Radians = Radians::from_degrees(2.0);
 
 /// Which closed form gave the start of the adjustment: the one with the least cost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -216,19 +217,20 @@ fn directions(homographies: &[Matrix3<f64>], needed: usize) -> Result<(), StartE
     let back = Matrix3::from_diagonal(&Vector3::new(1.0 / NOMINAL_FOCAL, 1.0 / NOMINAL_FOCAL, 1.0));
     let normals: Vec<Vector3<f64>> =
         homographies.iter().map(|h| (back * h.column(0)).cross(&(back * h.column(1))).normalize()).collect();
-    let angle = |a: &Vector3<f64>, b: &Vector3<f64>| a.cross(b).norm().atan2(a.dot(b).abs()).to_degrees();
+    let angle = |a: &Vector3<f64>, b: &Vector3<f64>| a.cross(b).norm().atan2(a.dot(b).abs());
     let mut kept: Vec<Vector3<f64>> = Vec::new();
-    let mut widest_deg = 0.0_f64;
+    let mut widest = 0.0_f64;
     for (i, normal) in normals.iter().enumerate() {
         for other in &normals[..i] {
-            widest_deg = widest_deg.max(angle(normal, other));
+            widest = widest.max(angle(normal, other));
         }
-        if kept.iter().all(|other| angle(normal, other) > PARALLEL_DEG) {
+        if kept.iter().all(|other| angle(normal, other) > PARALLEL.get()) {
             kept.push(*normal);
         }
     }
     let directions = kept.len();
     if directions < needed {
+        let widest_deg = Radians::new(widest).degrees();
         return Err(StartError::Parallel { directions, widest_deg, needed });
     }
     Ok(())

@@ -73,7 +73,7 @@ fn uneven_light_blur_noise_small_and_tilted_targets() {
         let pose = pose(&target, distance, (0.0, 0.0), (0.6 * tilt, 0.8 * tilt, 10.0));
         let image = photo(&paper_camera(), &pose, &target, look);
         let detection = detect(&image, &target).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let (sharp, outwards) = errors(&detection, &pose, &target, |c| c.sharp);
+        let (sharp, _) = errors(&detection, &pose, &target, |c| c.sharp);
         assert_eq!(detection.corners.len(), 192, "{name}");
         assert!(sharp < limit, "{name}: {sharp} px");
     }
@@ -114,5 +114,24 @@ fn photos_larger_than_the_search_are_located_in_full() {
         let truth = see(&camera, &pose, corner.board);
         let miss = f64::hypot(corner.sharp.column - truth.column, corner.sharp.row - truth.row);
         assert!(miss < 0.1, "{corner:?} misses by {miss} px");
+    }
+}
+
+proptest::proptest! {
+    #[test]
+    fn any_image_is_answered_without_panic(
+        width in 1..70_usize, height in 1..70_usize, seed in 0..u64::MAX, coarse in 1..16_usize,
+    ) {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        // Blocks of random size make quadrilaterals of all kinds likely.
+        let blocks: Vec<f32> =
+            (0..70 * 70).map(|_| if random.random_bool(0.4) { 20.0 } else { 230.0 }).collect();
+        let values = (0..width * height)
+            .map(|i| blocks[i / width / coarse * 70 + i % width / coarse] + random.random_range(-9.0..9.0))
+            .collect();
+        let image = Grey::new(width, height, values).unwrap();
+        let target = SquaresTarget::new(2, 2, 0.01, 0.01, Marker::None).unwrap();
+        let _ = detect(&image, &target);
     }
 }

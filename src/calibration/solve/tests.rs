@@ -121,7 +121,7 @@ fn predicted_covariance_is_the_spread_of_recalibrations() {
 
 #[test]
 fn fixed_parameters_stay_zero_and_certain() {
-    let model = LensModel { lens: Lens::Radial2, skew: false };
+    let model = LensModel { lens: Lens::Radial2, skew: false, side: false };
     let calibration = calibrate(&paper_views(PAPER_NOISE_PX, 5), 1152, 648, model).unwrap();
     let interior = calibration.camera.brown.interior();
     let covariance = calibration.camera.covariance.unwrap();
@@ -133,6 +133,29 @@ fn fixed_parameters_stay_zero_and_certain() {
     for k in [0, 1, 3, 4, 5, 6] {
         assert!(calibration.std[k] > 0.0 && (calibration.correlation[(k, k)] - 1.0).abs() < 1e-12);
     }
+}
+
+#[test]
+fn squares_that_look_larger_than_declared_are_measured_and_do_not_bend_the_camera() {
+    let excess = 0.0002;
+    let mut views = paper_views(PAPER_NOISE_PX, 9);
+    for o in views.iter_mut().flat_map(|view| &mut view.observations) {
+        // Points were drawn as declared: declare them smaller instead.
+        o.board.x_m -= o.growth.x_m * excess;
+        o.board.y_m -= o.growth.y_m * excess;
+    }
+    let with_side = LensModel { side: true, ..LensModel::PAPER };
+    let calibration = calibrate(&views, 1152, 648, with_side).unwrap();
+    let (found, std) = calibration.side_excess_m.unwrap();
+    assert!((found - excess).abs() < 4.0 * std && std < 0.1 * excess, "{found} ± {std} m");
+    assert!((calibration.j_per_point - 0.0943).abs() < 0.0105, "{}", calibration.j_per_point);
+    let truth = paper_camera().interior();
+    for (k, value) in calibration.camera.brown.interior().into_iter().enumerate() {
+        assert!((value - truth[k]).abs() < 4.0 * calibration.std[k], "{}", INTERIOR_NAMES[k]);
+    }
+    // Taken as declared, the squares leave their excess in the residuals.
+    let without = calibrate(&views, 1152, 648, LensModel::PAPER).unwrap();
+    assert!(without.j_per_point > 1.5 * calibration.j_per_point && without.side_excess_m.is_none());
 }
 
 #[test]
