@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::camera::camera_from_parameters;
+use super::calibrate;
 use super::context::{ErrorClass, RunContext, Stage, StageError};
 use super::georeference::{self, Georeferenced};
 use crate::camera::Camera;
-use crate::config::{CameraSource, Config};
+use crate::config::Config;
 use crate::mosaic::{Blend, MapBounds, MosaicPlan, PlanSettings};
 use crate::raster::Kernel;
 
@@ -26,7 +26,7 @@ impl Session {
     /// # Errors
     /// As the stages' own.
     pub fn look(config: &Config, run_folder: &Path) -> Result<Self, StageError> {
-        let camera = Arc::new(look_at_camera(config, run_folder)?);
+        let camera = Arc::new(calibrate::look(config, run_folder)?);
         let survey = match &config.georeference {
             None => None,
             Some(declared) => Some(
@@ -57,7 +57,7 @@ impl Session {
     pub fn run(&mut self, stage: Stage, config: &Config, context: &RunContext) -> Result<(), StageError> {
         match stage {
             Stage::Calibrate => {
-                self.camera = Some(Arc::new(look_at_camera(config, Path::new(""))?));
+                self.camera = Some(calibrate::run(config, context)?.camera);
             }
             Stage::Georeference => {
                 self.survey = Some(georeference::run(config, self.camera()?, context)?);
@@ -80,7 +80,7 @@ impl Session {
         match stage {
             Stage::Calibrate => {
                 let folder = context.run_folder().unwrap_or(Path::new(""));
-                self.camera = Some(Arc::new(look_at_camera(config, folder)?));
+                self.camera = Some(Arc::new(calibrate::look(config, folder)?));
             }
             Stage::Georeference => {
                 if let Some(declared) = &config.georeference {
@@ -134,11 +134,4 @@ pub struct MosaicSize {
     pub rows: usize,
     /// Side of a pixel, metres.
     pub gsd_m: f64,
-}
-
-fn look_at_camera(config: &Config, _run_folder: &Path) -> Result<Camera, StageError> {
-    match &config.calibrate.camera {
-        CameraSource::Parameters(spec) => camera_from_parameters(config, spec),
-        _ => Err(StageError::new(ErrorClass::Bug, "not wired")),
-    }
 }
