@@ -198,6 +198,21 @@ impl Manifest {
         Ok(())
     }
 
+    /// One hash over all inputs: their paths and contents, in order of path, each once.
+    pub fn inputs_blake3(&self) -> String {
+        let inputs: BTreeMap<&str, &str> = self
+            .stages
+            .values()
+            .flat_map(|entry| &entry.inputs)
+            .map(|input| (input.path.as_str(), input.blake3.as_str()))
+            .collect();
+        let mut hasher = blake3::Hasher::new();
+        for (path, hash) in inputs {
+            hasher.update(path.as_bytes()).update(b"\0").update(hash.as_bytes()).update(b"\0");
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
     /// Frames that are not part of the products: name and reason.
     pub fn rejected(&self) -> impl Iterator<Item = (&str, &str)> {
         self.frames.iter().filter_map(|(name, entry)| match &entry.status {

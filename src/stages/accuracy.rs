@@ -135,7 +135,7 @@ fn bug(error: &dyn std::fmt::Display) -> StageError {
 
 /// Frames whose log gave neither velocity nor speed take the velocity between the two exposures nearest in
 /// time: for them a timing error would otherwise have nothing to be multiplied with.
-fn with_velocities(frames: &[GeoreferencedFrame]) -> Vec<GeoreferencedFrame> {
+pub(super) fn with_velocities(frames: &[GeoreferencedFrame]) -> Vec<GeoreferencedFrame> {
     let mut by_time: Vec<(f64, usize)> = frames
         .iter()
         .enumerate()

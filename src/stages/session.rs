@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use super::accuracy;
 use super::calibrate;
 use super::context::{ErrorClass, RunContext, Stage, StageError};
 use super::georeference::{self, Georeferenced};
+use super::mosaic;
 use crate::camera::Camera;
 use crate::config::Config;
 use crate::mosaic::{Blend, MapBounds, MosaicPlan, PlanSettings};
@@ -63,9 +65,11 @@ impl Session {
                 self.survey = Some(georeference::run(config, self.camera()?, context)?);
             }
             Stage::Mosaic => {
-                super::mosaic::run(config, self.survey()?, context)?;
+                mosaic::run(config, self.survey()?, context)?;
             }
-            Stage::Accuracy => return Err(StageError::new(ErrorClass::Bug, "not wired")),
+            Stage::Accuracy => {
+                accuracy::run(config, self.survey()?, context)?;
+            }
         }
         Ok(())
     }
