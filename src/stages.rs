@@ -8,8 +8,8 @@ pub mod explain;
 pub mod georeference;
 pub mod locate;
 pub mod mosaic;
-pub mod session;
 pub mod page;
+pub mod session;
 pub mod simulate;
 
 pub use context::{

@@ -118,6 +118,13 @@ impl Brown {
         self.is_single_valued(ideal, &jacobian).then(|| self.pixel_from_distorted(distorted))
     }
 
+    /// Image area per area of the ideal plane, relative to a lens without distortion: 1 on the axis of most
+    /// lenses, falling to 0 where the lens folds.
+    #[must_use]
+    pub fn magnification(&self, ideal: Vector2<f64>) -> f64 {
+        self.distort(ideal).1.determinant()
+    }
+
     /// Pixel of the ideal point with derivatives, without asking whether the lens folds there: the
     /// calibration may pass through such points on its way.
     #[must_use]

@@ -67,6 +67,16 @@ impl Camera {
         self.brown.pixel_from_ideal(Vector2::new(ray.x() / ray.z(), ray.y() / ray.z()))
     }
 
+    /// True unless the lens squeezes the scene there to less than a quarter of its size elsewhere.
+    ///
+    /// Just inside its fold a lens still has an inverse, but a pixel there covers ever more ground and a
+    /// pixel's error grows without bound: such a pixel can be located, but it is no material for a map.
+    #[must_use]
+    pub fn resolves(&self, ray: Displacement<CameraFrame>) -> bool {
+        const LEAST_MAGNIFICATION: f64 = 0.25;
+        self.brown.magnification(Vector2::new(ray.x() / ray.z(), ray.y() / ray.z())) >= LEAST_MAGNIFICATION
+    }
+
     /// Derivatives of the viewing ray's (x, y) by the pixel (2×2) and by the interior parameters (2×10),
     /// or `None` where the lens has no inverse.
     ///
@@ -153,6 +163,17 @@ impl PixelRotation {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_rim_of_a_folding_lens_is_no_material_for_a_map() {
+        let paper =
+            [743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.0199, 0.1629, 0.0076, 0.0039, -0.3018];
+        let camera = Camera::new(Brown::new(paper).unwrap(), 1152, 648, None).unwrap();
+        assert!(camera.resolves(Displacement::new(0.0, 0.0, 1.0)));
+        assert!(camera.resolves(Displacement::new(0.8, 0.2, 1.0)));
+        let rim = Displacement::new(0.945, 0.0, 1.0);
+        assert!(camera.pixel_from_ray(rim).is_some() && !camera.resolves(rim));
+    }
 
     #[test]
     fn turning_pixels_and_turning_back_is_nothing() {

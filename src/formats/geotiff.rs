@@ -243,8 +243,12 @@ pub fn write_image_bands(
     set_up();
     let size = bands.first().map_or((0, 0), |(_, raster)| (raster.width(), raster.height()));
     let dataset = heard(|| {
-        let mut dataset = DriverManager::get_driver_by_name("MEM")?
-            .create_with_band_type::<f32, _>("", size.0, size.1, bands.len())?;
+        let mut dataset = DriverManager::get_driver_by_name("MEM")?.create_with_band_type::<f32, _>(
+            "",
+            size.0,
+            size.1,
+            bands.len(),
+        )?;
         dataset.set_geo_transform(&[-0.5, step.0, 0.0, -0.5, 0.0, step.1])?;
         for (key, value) in metadata {
             dataset.set_metadata_item(key, value, "")?;

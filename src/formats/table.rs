@@ -12,7 +12,8 @@ const MAX_BYTES: u64 = 2 << 30;
 pub struct Table {
     file: PathBuf,
     header: Vec<String>,
-    rows: Vec<csv::StringRecord>,
+    /// Each with its line in the file.
+    rows: Vec<(u64, csv::StringRecord)>,
 }
 
 /// The place of a column in a table.
@@ -22,6 +23,7 @@ pub struct Column(usize);
 /// One row.
 #[derive(Debug, Clone, Copy)]
 pub struct Row<'a> {
+    line: u64,
     header: &'a [String],
     record: &'a csv::StringRecord,
 }
@@ -47,11 +49,12 @@ impl Table {
             return Err(InputError::new(path, format!("is {size} bytes long, the limit is {MAX_BYTES}")));
         }
         let bytes = std::fs::read(path).map_err(unreadable)?;
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(delimiter)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_reader(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes));
+            .from_reader(text);
         let malformed = |e: csv::Error| {
             let line = e.position().map(csv::Position::line);
             let cause = match e.kind() {
@@ -73,7 +76,11 @@ impl Table {
                 InputError::new(path, format!("column {} repeats the name \"{name}\"", i + 1)).line(1)
             );
         }
-        let rows = reader.records().collect::<Result<Vec<_>, _>>().map_err(malformed)?;
+        let rows = reader
+            .records()
+            .map(|record| record.map(|r| (line_of(&r, text), r)))
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(malformed)?;
         Ok(Self { file: path.to_owned(), header, rows })
     }
 
@@ -121,15 +128,31 @@ impl Table {
 
     /// The rows below the header, in order.
     pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
-        self.rows.iter().map(|record| Row { header: &self.header, record })
+        self.rows.iter().map(|(line, record)| Row { line: *line, header: &self.header, record })
     }
+}
+
+/// Line of a record; the reader counts from where it began to look, before any blank or comment lines.
+fn line_of(record: &csv::StringRecord, text: &[u8]) -> u64 {
+    let Some(position) = record.position() else { return 0 };
+    let (mut at, mut line) = (usize::try_from(position.byte()).unwrap_or(text.len()), position.line());
+    while let Some(b'\n' | b'\r' | b'#') = text.get(at) {
+        match text[at..].iter().position(|b| *b == b'\n') {
+            None => break,
+            Some(end) => {
+                at += end + 1;
+                line += 1;
+            }
+        }
+    }
+    line
 }
 
 impl Row<'_> {
     /// Line in the file, 1-based.
     #[must_use]
-    pub fn line(&self) -> u64 {
-        self.record.position().map_or(0, csv::Position::line)
+    pub const fn line(&self) -> u64 {
+        self.line
     }
     /// The text of a cell.
     #[must_use]

@@ -57,9 +57,9 @@ impl Footprint {
         let mut clipped = false;
         let mut outline = Vec::with_capacity(border.len());
         for edge in border {
-            let vertex = match frame.ground_from_pixel(edge) {
-                Ok(ground) => FootprintVertex { pixel: edge, position: ground.position },
-                Err(_) => {
+            let vertex = match usable_ground(frame, edge) {
+                Some(ground) => FootprintVertex { pixel: edge, position: ground.position },
+                None => {
                     clipped = true;
                     draw_in(frame, anchor_pixel, anchor.position, edge)
                 }
@@ -104,6 +104,11 @@ fn find_anchor(frame: &GeoreferencedFrame) -> Result<(ImagePoint, super::frame::
     candidates.into_iter().find_map(|p| frame.ground_from_pixel(p).ok().map(|g| (p, g))).ok_or(why)
 }
 
+/// The ground of a pixel that is material for a map.
+fn usable_ground(frame: &GeoreferencedFrame, pixel: ImagePoint) -> Option<super::frame::GroundPoint> {
+    if frame.resolves(pixel) { frame.ground_from_pixel(pixel).ok() } else { None }
+}
+
 /// The last pixel that sees ground on the way from the anchor to a border pixel that does not.
 fn draw_in(
     frame: &GeoreferencedFrame,
@@ -122,12 +127,12 @@ fn draw_in(
     let mut best = FootprintVertex { pixel: anchor, position: anchor_position };
     while (unseen - seen) * length > CLIP_RESOLUTION_PX {
         let mid = 0.5 * (seen + unseen);
-        match frame.ground_from_pixel(at(mid)) {
-            Ok(ground) => {
+        match usable_ground(frame, at(mid)) {
+            Some(ground) => {
                 best = FootprintVertex { pixel: at(mid), position: ground.position };
                 seen = mid;
             }
-            Err(_) => unseen = mid,
+            None => unseen = mid,
         }
     }
     best

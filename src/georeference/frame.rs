@@ -157,6 +157,14 @@ impl GeoreferencedFrame {
         self.pixel_rotation.sensor_from_stored(stored, self.camera.width, self.camera.height)
     }
 
+    /// True when a stored pixel is material for a map: see [`Camera::resolves`].
+    #[must_use]
+    pub fn resolves(&self, stored: ImagePoint) -> bool {
+        self.camera
+            .ray_from_pixel(self.sensor_from_stored(stored))
+            .is_some_and(|ray| self.camera.resolves(ray))
+    }
+
     /// Viewing ray of a stored pixel in ECEF.
     ///
     /// # Errors
@@ -205,8 +213,8 @@ impl GeoreferencedFrame {
         Ok(GroundPoint { position, ray, range_m })
     }
 
-    /// Stored pixel that sees an ECEF point, which may lie outside the image; `None` behind the camera,
-    /// past the fold of the lens, or beyond the range limit. Whether the ground in between hides the point
+    /// Stored pixel that sees an ECEF point, which may lie outside the image; `None` behind the camera, at or
+    /// past the fold of the lens ([`Camera::resolves`]), or beyond the range limit. Whether the ground in between hides the point
     /// is not asked.
     #[must_use]
     pub fn pixel_from_ecef(&self, point: &Point<Ecef>) -> Option<ImagePoint> {
@@ -216,6 +224,9 @@ impl GeoreferencedFrame {
             return None;
         }
         let sensor = self.camera.pixel_from_ray(ray)?;
+        if !self.camera.resolves(ray) {
+            return None;
+        }
         Some(self.pixel_rotation.stored_from_sensor(sensor, self.camera.width, self.camera.height))
     }
 

@@ -78,7 +78,7 @@ fn fold_distances(frame: &GeoreferencedFrame) -> Option<Raster<f32>> {
     let seen = |c: usize, r: usize| {
         let at = |i: usize, size: u32| (i as f64 * FOLD_GRID_PX).min(f64::from(size) - 0.5);
         let stored = ImagePoint::new(at(c, width), at(r, height));
-        frame.camera.ray_from_pixel(frame.sensor_from_stored(stored)).is_some()
+        frame.resolves(stored)
     };
     let blind: Vec<(usize, usize)> =
         (0..rows).flat_map(|r| (0..columns).map(move |c| (c, r))).filter(|(c, r)| !seen(*c, *r)).collect();

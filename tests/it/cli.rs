@@ -164,7 +164,8 @@ fn line_of(text: &str, piece: &str) -> usize {
 fn help_documents_commands_and_exit_codes() {
     let help = Seen::of(program().arg("--help"));
     help.done();
-    for word in ["run", "check", "locate", "explain", "simulate", "schema", "completions", "130  interrupted"] {
+    for word in ["run", "check", "locate", "explain", "simulate", "schema", "completions", "130  interrupted"]
+    {
         assert!(help.stdout.contains(word), "{word}");
     }
     Seen::of(program().arg("rnu")).failed(2, &["unrecognized subcommand", "rnu"]);
@@ -234,9 +235,14 @@ fn missing_inputs_exit_4_at_the_line_that_names_them() {
     }
     project.change("\"lat\"", "\"latt\"");
     let line = line_of(PIPELINE, "\"lat\"");
-    project
-        .go(&["check", "p.toml"])
-        .failed(4, &["log.csv has no column \"latt\"".replace(" has", ": has").as_str(), "did you mean \"lat\"?", &format!("p.toml:{line}:")]);
+    project.go(&["check", "p.toml"]).failed(
+        4,
+        &[
+            "log.csv has no column \"latt\"".replace(" has", ": has").as_str(),
+            "did you mean \"lat\"?",
+            &format!("p.toml:{line}:"),
+        ],
+    );
     project.write("p.toml", PIPELINE);
     project.write("log.csv", &LOG.replace("41.0350", "91.0350").replace("41.0352", "nan"));
     project.go(&["check", "p.toml"]).failed(4, &["log.csv"]);
@@ -245,7 +251,10 @@ fn missing_inputs_exit_4_at_the_line_that_names_them() {
 #[test]
 fn absent_data_that_the_pipeline_declares_is_a_skip() {
     let project = Project::new();
-    project.change("output = \"out\"", "output = \"out\"\nrequires = [{ path = \"survey\", hint = \"the big survey\" }]");
+    project.change(
+        "output = \"out\"",
+        "output = \"out\"\nrequires = [{ path = \"survey\", hint = \"the big survey\" }]",
+    );
     for command in [&["run", "p.toml"][..], &["check", "p.toml"], &["run", "p.toml", "--dry-run"]] {
         let seen = project.go(command);
         assert!(seen.done().stdout.starts_with("skipped: the big survey ("), "{}", seen.stdout);
@@ -262,9 +271,14 @@ fn a_run_says_where_its_products_are() {
     assert!(seen.stdout.contains("folder    out\n"), "{}", seen.stdout);
     assert!(seen.stderr.contains("georeference: done in"), "{}", seen.stderr);
     let files = project.files("out");
-    for name in
-        ["mosaic/mosaic.tif", "mosaic/preview.png", "georeference/frames.csv", "manifest.json", "timings.json", "resolved.toml"]
-    {
+    for name in [
+        "mosaic/mosaic.tif",
+        "mosaic/preview.png",
+        "georeference/frames.csv",
+        "manifest.json",
+        "timings.json",
+        "resolved.toml",
+    ] {
         assert!(files.contains_key(name), "{name}");
     }
     let manifest: serde_json::Value = serde_json::from_slice(&files["manifest.json"]).unwrap();
@@ -322,14 +336,19 @@ fn a_folder_that_is_not_the_run_s_own_is_left_alone() {
 #[test]
 fn a_folder_that_cannot_be_made_exits_6() {
     let project = Project::new();
-    project.go(&["run", "p.toml", "--output", "log.csv/out"]).failed(6, &["error[io]", "log.csv/out", "--output DIR"]);
+    project
+        .go(&["run", "p.toml", "--output", "log.csv/out"])
+        .failed(6, &["error[io]", "log.csv/out", "--output DIR"]);
 }
 
 #[test]
 fn one_stage_alone_needs_its_predecessors() {
     let project = Project::new();
     let only = ["run", "p.toml", "--only", "mosaic"];
-    project.go(&only).failed(2, &["products of calibrate are not in the run folder", "boresight run p.toml --until calibrate"]);
+    project.go(&only).failed(
+        2,
+        &["products of calibrate are not in the run folder", "boresight run p.toml --until calibrate"],
+    );
     project.go(&["run", "p.toml", "--until", "georeference"]).done();
     let seen = project.go(&only);
     assert!(seen.done().stderr.contains("using the products of an earlier run"), "{}", seen.stderr);
@@ -354,7 +373,12 @@ fn a_failed_run_leaves_the_older_products() {
 fn a_dry_run_prints_the_plan_and_writes_nothing() {
     let project = Project::new();
     let seen = project.go(&["run", "p.toml", "--dry-run"]);
-    for line in ["run       calibrate", "run       mosaic", "input     georeference.log.file = log.csv", "before compression"] {
+    for line in [
+        "run       calibrate",
+        "run       mosaic",
+        "input     georeference.log.file = log.csv",
+        "before compression",
+    ] {
         assert!(seen.done().stdout.contains(line), "{line}:\n{}", seen.stdout);
     }
     let json = project.go(&["run", "p.toml", "--dry-run", "--json"]);
@@ -376,7 +400,9 @@ fn locate_answers_one_pixel() {
     // 1 m of position and 40 m times 0.2 degrees of roll and pitch: 1.0097 m on each axis.
     assert!((found["ellipse_semi_major_m"].as_f64().unwrap() - 1.0097).abs() < 1e-3);
     assert!((found["ce90_m"].as_f64().unwrap() - 2.1460 * 1.0097).abs() < 2e-3);
-    project.go(&["locate", "p.toml", "A.png", "1", "1"]).failed(2, &["no frame A.png", "did you mean a.png?"]);
+    project
+        .go(&["locate", "p.toml", "A.png", "1", "1"])
+        .failed(2, &["no frame A.png", "did you mean a.png?"]);
     let outside = project.go(&["locate", "p.toml", "a.png", "-1", "1"]);
     outside.failed(4, &["1 of 1 pixels have no answer"]);
     assert!(outside.stdout.contains("lies outside the 40 × 30 image"), "{}", outside.stdout);
@@ -455,7 +481,10 @@ fn completions_and_schema_are_printed() {
     let schema = Seen::of(program().arg("schema"));
     let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/boresight.schema.json");
     let committed = fs::read_to_string(committed).unwrap_or_default();
-    assert!(schema.done().stdout == committed, "pipelines/boresight.schema.json is not fresh: run `make schema`");
+    assert!(
+        schema.done().stdout == committed,
+        "pipelines/boresight.schema.json is not fresh: run `make schema`"
+    );
 }
 
 #[test]
