@@ -71,8 +71,6 @@ pub struct MosaicSummary {
     pub tiles: usize,
     /// Tiles that show something.
     pub tiles_with_content: usize,
-    /// What the plan expects the run to hold in memory at most: decoded frames, tiles under way, GDAL.
-    pub planned_memory_bytes: usize,
     /// BLAKE3 over the frames' names, pixels and poses and the grid.
     pub input_hash: String,
     /// Frames that show in the mosaic.
@@ -273,7 +271,6 @@ struct Rendered {
     opaque_px: u64,
     tiles_with_content: usize,
     frames: BTreeSet<usize>,
-    planned_memory_bytes: usize,
     input_hash: String,
 }
 
@@ -292,21 +289,22 @@ fn render(
     let largest = plan.frames.iter().map(|f| decoded_bytes(&f.frame, plan.channels)).max().unwrap_or(0);
     // Below one photo per thread the store would only decode the same photos over and over.
     let ceiling = budget.saturating_sub(overhead).max(threads * largest);
+    // Logged, not recorded: products must not depend on the number of threads.
     if ceiling + overhead > budget {
-        context.warn(format!(
+        tracing::warn!(
             "memory: {} MiB are needed for {threads} threads, {} MiB are allowed",
             (ceiling + overhead) >> 20,
             budget >> 20
-        ));
+        );
     }
     let all: usize = plan.frames.iter().map(|f| decoded_bytes(&f.frame, plan.channels)).sum();
+    tracing::debug!("memory: at most {} MiB planned", (ceiling.min(all) + overhead) >> 20);
     let paths = plan.frames.iter().map(|f| images.join(&f.frame.name)).collect();
     let store = PhotoStore::new(paths, plan.channels, ceiling);
     let mut rendered = Rendered {
         opaque_px: 0,
         tiles_with_content: 0,
         frames: BTreeSet::new(),
-        planned_memory_bytes: ceiling.min(all) + overhead,
         input_hash: String::new(),
     };
     let mut writer = writer(survey, plan, path)?;
@@ -538,7 +536,6 @@ fn summary(
         resampling_ratio: plan.gsd_m / of(0.5),
         tiles: plan.tiles.len(),
         tiles_with_content: rendered.tiles_with_content,
-        planned_memory_bytes: rendered.planned_memory_bytes,
         input_hash: rendered.input_hash.clone(),
         frames_used: names(true),
         frames_outside: names(false),

@@ -110,12 +110,29 @@ fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Source files of the library with the floor module each belongs to.
+/// Files of modules that exist only in test builds: `#[cfg(test)] mod name;`.
+fn test_modules(files: &[PathBuf]) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for path in files {
+        let text = std::fs::read_to_string(path).unwrap();
+        for after in text.split("#[cfg(test)]\nmod ").skip(1) {
+            let name: String = after.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            if after[name.len()..].starts_with(';') {
+                found.push(path.with_extension("").join(format!("{name}.rs")));
+            }
+        }
+    }
+    found
+}
+
+/// Source files of the library with the floor module each belongs to; test modules left out.
 fn sources() -> Vec<(String, PathBuf, String)> {
     let mut files = Vec::new();
     rust_files(&root().join("src"), &mut files);
+    let tests = test_modules(&files);
     files
         .into_iter()
+        .filter(|path| !tests.contains(path))
         .filter_map(|path| {
             let relative = path.strip_prefix(root().join("src")).unwrap().to_owned();
             let first = relative.components().next()?.as_os_str().to_string_lossy().into_owned();
