@@ -43,6 +43,14 @@ pub enum PropagationError {
         /// Where.
         longitude_deg: f64,
     },
+    /// The lens is about to fold back.
+    #[error(
+        "the lens is about to fold back there: an error of one pixel turns the ray {times:.0} times as far as at the centre"
+    )]
+    NearFold {
+        /// Against an undistorted lens.
+        times: f64,
+    },
     /// The ray runs along the ground.
     #[error(
         "the ray meets the ground at a grazing angle ({angle_deg:.2}°), where a small error moves the ground point without bound"
@@ -332,6 +340,14 @@ impl<'a> FramePropagation<'a> {
         let sensor = self.frame.sensor_from_stored(stored);
         let ray = self.frame.camera.ray_from_pixel(sensor).ok_or(no_ray)?;
         let (ray_by_sensor, ray_by_interior) = self.frame.camera.ray_derivatives(sensor).ok_or(no_ray)?;
+        // Towards the fold the derivative grows without bound, over a pixel or two; past this factor the
+        // distance to the fold itself is of the order of the errors.
+        const MAX_STRETCH: f64 = 10.0;
+        let [fx, fy, ..] = self.frame.camera.brown.interior();
+        let times = ray_by_sensor.norm() / (1.0 / fx).hypot(1.0 / fy);
+        if times > MAX_STRETCH {
+            return Err(PropagationError::NearFold { times });
+        }
         let turned = |column: f64, row: f64| {
             let p = self.frame.sensor_from_stored(ImagePoint::new(column, row));
             Vector2::new(p.column, p.row)

@@ -138,8 +138,8 @@ pub struct Panel {
 /// # Errors
 /// [`FigureError`].
 pub fn contour_panels(panels: &[Panel]) -> Result<Figure, FigureError> {
-    const WIDTH: f64 = 560.0;
-    const LEFT: f64 = 64.0;
+    const WIDTH: f64 = 390.0;
+    const LEFT: f64 = 66.0;
     const RIGHT: f64 = 18.0;
     const TOP: f64 = 44.0;
     const BOTTOM: f64 = 58.0;
@@ -165,7 +165,7 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
     let scale = width / w;
     let height = h * scale;
     let (cell_w, cell_h) = (width / panel.columns as f64, height / panel.rows as f64);
-    text(scene, (left, top - 16.0), &panel.title, 17, TextAnchor::Start, INK);
+    text(scene, (left, top - 16.0), &panel.title, 18, TextAnchor::Start, INK);
 
     let finite = || panel.values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), v| (l.min(v), u.max(v)));
@@ -175,11 +175,12 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
             continue;
         }
         let (c, r) = ((i % panel.columns) as f64, (i / panel.columns) as f64);
-        cells.0.push(left + c * cell_w);
-        cells.1.push(top + r * cell_h);
-        // A hair wider than the cell, or the seams show.
-        cells.2.push(cell_w + 0.35);
-        cells.3.push(cell_h + 0.35);
+        // On whole units, and each under its right and lower neighbour, or seams show at some scales.
+        let (x, y) = ((left + c * cell_w).round(), (top + r * cell_h).round());
+        cells.0.push(x);
+        cells.1.push(y);
+        cells.2.push((left + (c + 1.0) * cell_w).round() - x + overlap(c, panel.columns));
+        cells.3.push((top + (r + 1.0) * cell_h).round() - y + overlap(r, panel.rows));
         cells.4.push(tint(if high > low { (value - low) / (high - low) } else { 0.0 }));
     }
     scene.add(Primitive::RectBatch { x: cells.0, y: cells.1, w: cells.2, h: cells.3, fills: cells.4 });
@@ -206,7 +207,7 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
         }
     }
     for ((x, y), label) in labels {
-        let wide = 8.2 * label.chars().count() as f64 + 6.0;
+        let wide = 8.8 * label.chars().count() as f64 + 6.0;
         scene.add(Primitive::Rect {
             x: x - wide / 2.0,
             y: y - 9.0,
@@ -217,7 +218,7 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
             stroke_width: None,
             opacity: Some(0.85),
         });
-        text(scene, (x, y + 5.0), &label, 14, TextAnchor::Middle, LINE);
+        text(scene, (x, y + 5.0), &label, 15, TextAnchor::Middle, LINE);
     }
 
     frame_of(scene, left, top, width, height);
@@ -226,18 +227,18 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
         let value = f64::from(k) * step;
         let x = left + (value + 0.5) * scale;
         line(scene, (x, top + height), (x, top + height + 5.0), FAINT, 1.0);
-        text(scene, (x, top + height + 20.0), &format!("{value:.0}"), 13, TextAnchor::Middle, FAINT);
+        text(scene, (x, top + height + 20.0), &format!("{value:.0}"), 14, TextAnchor::Middle, FAINT);
     }
     for k in 0..=(h / step) as u32 {
         let value = f64::from(k) * step;
         let y = top + (value + 0.5) * scale;
         line(scene, (left - 5.0, y), (left, y), FAINT, 1.0);
-        text(scene, (left - 9.0, y + 4.5), &format!("{value:.0}"), 13, TextAnchor::End, FAINT);
+        text(scene, (left - 9.0, y + 4.5), &format!("{value:.0}"), 14, TextAnchor::End, FAINT);
     }
     let below = (left + width / 2.0, top + height + 42.0);
-    text(scene, below, "column (px)", 13, TextAnchor::Middle, FAINT);
+    text(scene, below, "column (px)", 14, TextAnchor::Middle, FAINT);
     scene.add(Primitive::Text {
-        x: left - 48.0,
+        x: left - 50.0,
         y: top + height / 2.0,
         content: "row (px)".to_owned(),
         size: 13,
@@ -246,6 +247,11 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
         bold: false,
         color: Some(FAINT),
     });
+}
+
+/// How far a cell reaches under the next one; the last one ends with the picture.
+fn overlap(index: f64, count: usize) -> f64 {
+    if index + 1.0 < count as f64 { 1.0 } else { 0.0 }
 }
 
 /// Half way along a line, if that is not on top of another label; lines too short for a label have none.
@@ -277,9 +283,9 @@ fn tint(share: f64) -> Color {
 }
 
 fn tick_step(size_px: f64) -> f64 {
-    let raw = size_px / 6.0;
+    let raw = size_px / 5.0;
     let power = 10_f64.powf(raw.log10().floor());
-    [1.0, 2.0, 5.0, 10.0].into_iter().map(|k| k * power).find(|s| *s >= raw).unwrap_or(raw)
+    [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().map(|k| k * power).find(|s| *s >= raw).unwrap_or(raw)
 }
 
 /// A frame on the map, in metres (or the CRS's unit).
@@ -525,7 +531,7 @@ mod tests {
         assert!(figure.svg.contains(">1.2<") && figure.svg.contains(">1.5<"));
         assert!(!figure.svg.contains("NaN"));
         let png = image::load_from_memory(&figure.png).unwrap();
-        assert_eq!(png.width(), 2 * 2 * (64 + 560 + 18));
+        assert_eq!(png.width(), 2 * 2 * (66 + 390 + 18));
         assert_eq!(contour_panels(&[panel(32, 18)]).unwrap(), contour_panels(&[panel(32, 18)]).unwrap());
         let short = Panel { rows: 17, ..panel(32, 18) };
         assert!(matches!(contour_panels(&[short]), Err(FigureError::Grid { .. })));

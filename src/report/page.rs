@@ -257,19 +257,20 @@ pub fn render(page: &Page) -> Result<String, PageError> {
 fn environment() -> Result<Environment<'static>, minijinja::Error> {
     let mut environment = Environment::new();
     environment.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
-    environment.add_filter("metres", |v: f64| format!("{} m", two_digits(v)));
+    environment.add_filter("metres", |v: f64| format!("{}\u{a0}m", two_digits(v)));
     environment.add_filter("two", two_digits);
     environment.add_filter("three", |v: f64| significant(v, 3));
     environment.add_filter("whole", |v: f64| format!("{v:.0}"));
     environment.add_filter("exact", exact);
+    environment.add_filter("stated", |v: f64| trimmed(significant(v, 3)));
     environment.add_filter("signed", |v: f64| signed(v, 1));
     environment.add_filter("gsd", gsd);
     environment.add_filter("share", |v: f64| {
-        if v > 0.0 && v < 0.5 { "< 1 %".to_owned() } else { format!("{v:.0} %") }
+        if v > 0.0 && v < 0.5 { "< 1\u{a0}%".to_owned() } else { format!("{v:.0}\u{a0}%") }
     });
     environment.add_filter("width", |v: f64| format!("{:.1}", v.clamp(0.0, 100.0)));
     // Never rounded up to a hundred that is not reached.
-    environment.add_filter("percent_down", |v: f64| format!("{:.0} %", v.floor()));
+    environment.add_filter("percent_down", |v: f64| format!("{:.0}\u{a0}%", v.floor()));
     environment.add_filter("ellipse", |e: Serde<EllipseNumbers>| {
         format!("{} × {} m, {:.0}°", two_digits(e.semi_major_m), two_digits(e.semi_minor_m), e.azimuth_deg)
     });
@@ -293,8 +294,8 @@ fn environment() -> Result<Environment<'static>, minijinja::Error> {
         Ok(format!("{} m", signed(l.length_m - truth, decimals_of(l.std_m))))
     });
     environment.add_filter("parameter", |p: Serde<Parameter>| match p.std {
-        Some(std) if std > 0.0 => format!("{:.*}", decimals_of(std), p.value),
-        _ => exact(p.value),
+        Some(std) if std > 0.0 => minus(&format!("{:.*}", decimals_of(std), p.value)),
+        _ => minus(&exact(p.value)),
     });
     environment.add_template("page.html", TEMPLATE)?;
     Ok(environment)
@@ -332,12 +333,13 @@ fn summary(page: &Page) -> String {
     words.join(" ")
 }
 
-fn png_uri(png: &[u8]) -> String {
-    format!("data:image/png;base64,{}", STANDARD.encode(png))
+/// Base64 holds nothing that HTML would have to escape; escaping its slashes would only lengthen it.
+fn png_uri(png: &[u8]) -> Value {
+    Value::from_safe_string(format!("data:image/png;base64,{}", STANDARD.encode(png)))
 }
 
-fn svg_uri(svg: &str) -> String {
-    format!("data:image/svg+xml;base64,{}", STANDARD.encode(svg))
+fn svg_uri(svg: &str) -> Value {
+    Value::from_safe_string(format!("data:image/svg+xml;base64,{}", STANDARD.encode(svg)))
 }
 
 /// Decimals that leave a spread two significant digits.
@@ -367,8 +369,16 @@ fn two_digits(value: f64) -> String {
 
 /// A number as somebody stated it: without the dust of unit conversion.
 fn exact(value: f64) -> String {
-    let text = significant(value, 6);
+    trimmed(significant(value, 6))
+}
+
+fn trimmed(text: String) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// With a minus sign as wide as a digit.
+fn minus(text: &str) -> String {
+    text.replacen('-', "−", 1)
 }
 
 fn signed(value: f64, decimals: usize) -> String {
@@ -384,19 +394,19 @@ fn signed(value: f64, decimals: usize) -> String {
 
 fn gsd(metres: f64) -> String {
     if metres < 1.0 {
-        format!("{} cm", significant(metres * 100.0, 3))
+        format!("{}\u{a0}cm", significant(metres * 100.0, 3))
     } else {
-        format!("{} m", significant(metres, 3))
+        format!("{}\u{a0}m", significant(metres, 3))
     }
 }
 
 fn area(m2: f64) -> String {
     if m2 >= 1e6 {
-        format!("{} km²", significant(m2 / 1e6, 3))
+        format!("{}\u{a0}km²", significant(m2 / 1e6, 3))
     } else if m2 >= 1e4 {
-        format!("{} ha", significant(m2 / 1e4, 3))
+        format!("{}\u{a0}ha", significant(m2 / 1e4, 3))
     } else {
-        format!("{} m²", significant(m2, 3))
+        format!("{}\u{a0}m²", significant(m2, 3))
     }
 }
 

@@ -24,6 +24,7 @@ use crate::report::numbers::{
     MapNumbers, PlaceNumbers, RequirementNumbers, Share, VERSION, Without,
 };
 use rayon::prelude::*;
+use serde_json::Value;
 
 /// Files of this stage that the page shows.
 pub const NUMBERS_FILE: &str = "accuracy.json";
@@ -123,9 +124,26 @@ pub fn run(
         figures,
     };
     context.write_product("frames.csv", &frames_csv(&result.frames)?)?;
-    let json = serde_json::to_string_pretty(&result).map_err(|e| bug(&e))?;
+    let json = serde_json::to_value(&result).map(rounded).map_err(|e| bug(&e))?;
+    let json = serde_json::to_string_pretty(&json).map_err(|e| bug(&e))?;
     context.write_product(NUMBERS_FILE, (json + "\n").as_bytes())?;
     Ok(result)
+}
+
+/// Numbers to twelve digits: no more is meant, and the rest would differ between machines.
+fn rounded(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => number
+            .as_f64()
+            .and_then(|v| format!("{v:.11e}").parse().ok())
+            .and_then(serde_json::Number::from_f64)
+            .map_or(Value::Null, Value::Number),
+        Value::Array(values) => values.into_iter().map(rounded).collect(),
+        Value::Object(entries) => {
+            Value::Object(entries.into_iter().map(|(key, value)| (key, rounded(value))).collect())
+        }
+        other => other,
+    }
 }
 
 /// An error that no input explains.

@@ -1,5 +1,6 @@
 //! Tests through the library's public face and through the binary; one crate, so that it links once.
 
+mod accuracy;
 mod calibrate;
 mod cli;
 mod mosaic;

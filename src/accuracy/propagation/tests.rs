@@ -265,6 +265,33 @@ fn what_cannot_be_propagated_is_said() {
 }
 
 #[test]
+fn next_to_the_fold_of_the_lens_nothing_is_claimed() {
+    let frame = scenes::flight();
+    let model = ErrorModel { picking_std_px: 1.0, ..ErrorModel::default() };
+    let propagation = FramePropagation::new(&frame, &model).unwrap();
+    // Along the first row towards the upper left corner, which the paper's lens cannot see.
+    let mut last = propagation.at(ImagePoint::new(300.0, 0.0)).unwrap().ce90_m().unwrap();
+    let mut refused = 0;
+    for step in 0..30_000 {
+        let pixel = ImagePoint::new(300.0 - f64::from(step) * 0.01, 0.0);
+        match propagation.at(pixel) {
+            Ok(at) => {
+                assert_eq!(refused, 0, "claimed beyond the fold");
+                last = at.ce90_m().unwrap();
+            }
+            Err(PropagationError::NearFold { times }) => {
+                assert!(times > 10.0);
+                refused += 1;
+            }
+            Err(PropagationError::Locate(LocateError::NoRay { .. })) => break,
+            Err(other) => panic!("{other}"),
+        }
+    }
+    // A pixel is 0.5 m; ten of them at most.
+    assert!(refused > 0 && last < 20.0, "{refused} refused, the last claim is {last} m");
+}
+
+#[test]
 fn a_speed_without_direction_keeps_its_square() {
     let mut frame = scenes::flight();
     let model = ErrorModel { time_std_s: 0.1, ..ErrorModel::default() };

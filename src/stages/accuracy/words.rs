@@ -1,6 +1,7 @@
 //! The error model and what it takes for granted, in words for the page and the JSON.
 
 use crate::accuracy::Source;
+use crate::accuracy::circular::CEP50_PER_SIGMA;
 use crate::config::accuracy::{Accuracy, CameraSpread};
 use crate::georeference::GeoreferencedFrame;
 use crate::navigation::GimbalReference;
@@ -32,8 +33,10 @@ pub(super) fn source(source: Source, frame: &GeoreferencedFrame) -> &'static str
 pub(super) fn sigmas(declared: &Accuracy) -> Vec<Sigma> {
     let s = &declared.sigmas;
     let degrees = |r: f64| Radians::new(r).degrees();
+    let position =
+        format!("antenna position, along north and along east (CEP {:.3} m)", CEP50_PER_SIGMA * s.position_m);
     [
-        ("antenna position, along north and along east", s.position_m, "m"),
+        (position.as_str(), s.position_m, "m"),
         ("antenna height", s.height_m, "m"),
         ("roll", degrees(s.roll_rad), "°"),
         ("pitch", degrees(s.pitch_rad), "°"),
@@ -49,7 +52,11 @@ pub(super) fn sigmas(declared: &Accuracy) -> Vec<Sigma> {
     ]
     .into_iter()
     .filter(|(_, value, _)| *value > 0.0)
-    .map(|(what, value, unit)| Sigma { what: what.to_owned(), value, unit: unit.to_owned() })
+    .map(|(what, value, unit): (&str, f64, &str)| Sigma {
+        what: what.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    })
     .collect()
 }
 
