@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 /// Why an input file cannot be used: which file, where in it, what is wrong, what to do.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputError {
-    /// The file.
+    /// The file; empty when it is the pipeline file itself.
     pub file: PathBuf,
     /// Line in it, 1-based, when one line is to blame.
     pub line: Option<u64>,
@@ -39,6 +39,15 @@ impl InputError {
     /// An error of a whole file.
     pub fn new(file: &Path, cause: impl Into<String>) -> Self {
         Self { file: file.to_owned(), line: None, cause: cause.into(), help: None, span: None }
+    }
+    /// An error of a setting: only the pipeline file's own place is to blame.
+    pub fn of_setting<T>(key: &crate::config::Located<T>, cause: impl Into<String>) -> Self {
+        Self::new(Path::new(""), cause).caused_by(key)
+    }
+    /// True for [`InputError::of_setting`].
+    #[must_use]
+    pub fn is_of_pipeline_file(&self) -> bool {
+        self.file.as_os_str().is_empty()
     }
     /// Names the line.
     #[must_use]
@@ -59,11 +68,14 @@ impl InputError {
 
 impl std::fmt::Display for InputError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}", self.file.display())?;
-        if let Some(line) = self.line {
-            write!(f, ", line {line}")?;
+        if !self.is_of_pipeline_file() {
+            write!(f, "{}", self.file.display())?;
+            if let Some(line) = self.line {
+                write!(f, ", line {line}")?;
+            }
+            f.write_str(": ")?;
         }
-        write!(f, ": {}", self.cause)
+        f.write_str(&self.cause)
     }
 }
 

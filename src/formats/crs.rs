@@ -9,12 +9,10 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CrsError {
     /// GDAL cannot read the definition.
-    #[error("\"{definition}\" is no coordinate reference system that PROJ knows ({cause})")]
+    #[error("\"{definition}\" is no coordinate reference system that PROJ knows")]
     Unknown {
         /// As written.
         definition: String,
-        /// GDAL's words.
-        cause: String,
     },
     /// Neither a map projection nor latitude/longitude.
     #[error("\"{definition}\" ({name}) is {kind}; a projected or geographic CRS is needed")]
@@ -65,7 +63,7 @@ fn traditional(mut srs: SpatialRef) -> SpatialRef {
 pub(crate) fn spatial_ref(definition: &str) -> Result<SpatialRef, CrsError> {
     SpatialRef::from_definition(definition)
         .map(traditional)
-        .map_err(|e| CrsError::Unknown { definition: definition.to_owned(), cause: e.to_string() })
+        .map_err(|_| CrsError::Unknown { definition: definition.to_owned() })
 }
 
 /// A transformation that is exact or does not exist: a missing grid is an error, never a shift left out.
@@ -95,9 +93,7 @@ impl Projection {
         if let Some(kind) = kind {
             return Err(CrsError::WrongKind { definition: definition.to_owned(), name, kind });
         }
-        let wkt = srs
-            .to_wkt()
-            .map_err(|e| CrsError::Unknown { definition: definition.to_owned(), cause: e.to_string() })?;
+        let wkt = srs.to_wkt().map_err(|_| CrsError::Unknown { definition: definition.to_owned() })?;
         let geographic = srs.is_geographic();
         let metres_per_unit = if geographic { METRES_PER_DEGREE } else { srs.linear_units() };
         let projection = Self { definition: definition.to_owned(), wkt, name, metres_per_unit, geographic };

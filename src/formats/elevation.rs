@@ -16,10 +16,20 @@ pub struct Elevation {
     pub wkt: String,
 }
 
+/// Metres in one unit of height; a file that names none means metres.
+fn metres_per(unit: &str) -> Option<f64> {
+    match unit.trim().to_lowercase().as_str() {
+        "" | "m" | "metre" | "metres" | "meter" | "meters" => Some(1.0),
+        "ft" | "foot" | "feet" | "international foot" => Some(0.3048),
+        "us-ft" | "ftus" | "us survey foot" | "us_survey_foot" => Some(1200.0 / 3937.0),
+        _ => None,
+    }
+}
+
 /// The largest model held in memory: 400 million posts.
 const MAX_POSTS: usize = 400_000_000;
 
-/// Reads the first band of an elevation raster, scale and offset applied.
+/// Reads the first band of an elevation raster, its scale, offset and unit applied.
 ///
 /// # Errors
 /// [`InputError`] when the file is missing, unreadable, too large, or lacks a georeference or CRS.
@@ -49,7 +59,10 @@ pub fn read_elevation(file: &Path) -> Result<Elevation, InputError> {
     }
     let band = dataset.rasterband(1).map_err(unreadable)?;
     let no_data = band.no_data_value();
-    let (scale, offset) = (band.scale().unwrap_or(1.0), band.offset().unwrap_or(0.0));
+    let unit = band.unit();
+    let metres = metres_per(&unit)
+        .ok_or_else(|| failed(format!("gives heights in \"{unit}\"; metres or feet are understood")))?;
+    let (scale, offset) = (band.scale().unwrap_or(1.0) * metres, band.offset().unwrap_or(0.0) * metres);
     let buffer = band.read_as::<f64>((0, 0), (width, height), (width, height), None).map_err(unreadable)?;
     let samples = buffer
         .data()

@@ -32,8 +32,7 @@ impl Table {
     /// Reads a table; a byte order mark is passed over, cells are trimmed.
     ///
     /// # Errors
-    /// [`InputError`] when the file cannot be read, is empty, is not UTF-8, or a row has another number of
-    /// cells than the header.
+    /// [`InputError`] when the file cannot be read, is empty or is not UTF-8.
     pub fn read(file: &Located<PathBuf>, delimiter: u8) -> Result<Self, InputError> {
         Self::read_path(file, delimiter).map_err(|e| e.caused_by(file))
     }
@@ -54,13 +53,12 @@ impl Table {
             .delimiter(delimiter)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
+            // A torn row is that row's matter: its cells say so when they are asked for.
+            .flexible(true)
             .from_reader(text);
         let malformed = |e: csv::Error| {
             let line = e.position().map(csv::Position::line);
             let cause = match e.kind() {
-                csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-                    format!("has {len} cells, the header has {expected_len}")
-                }
                 csv::ErrorKind::Utf8 { .. } => "is not UTF-8 text".to_owned(),
                 _ => e.to_string(),
             };
@@ -162,8 +160,12 @@ impl Row<'_> {
     /// A finite number.
     ///
     /// # Errors
-    /// Words for a cell that is empty, not a number, NaN or infinite.
+    /// Words for a cell that is empty, not a number, NaN or infinite, or a row of another length than the
+    /// header.
     pub fn number(&self, column: Column) -> Result<f64, String> {
+        if self.record.len() != self.header.len() {
+            return Err(format!("has {} cells, the header has {}", self.record.len(), self.header.len()));
+        }
         let (name, text) = (&self.header[column.0], self.text(column));
         match text.parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(value),
@@ -201,7 +203,12 @@ mod tests {
         let missing = table(b"file,latitude\n").unwrap().column_named("latitud").unwrap_err();
         assert!(missing.help.unwrap().starts_with("did you mean \"latitude\"?"));
         assert!(table(b"").unwrap_err().cause.contains("is empty"));
-        assert_eq!(table(b"a,b\n1,2\n1,2,3\n").unwrap_err().line, Some(3));
+        let torn = table(b"a,b\n1,2\n1,2,3\n4").unwrap();
+        let a = torn.column_named("a").unwrap();
+        let cells: Vec<_> = torn.rows().map(|r| r.number(a)).collect();
+        assert_eq!(cells[0], Ok(1.0));
+        assert_eq!(cells[1], Err("has 3 cells, the header has 2".to_owned()));
+        assert_eq!(cells[2], Err("has 1 cells, the header has 2".to_owned()));
         assert!(table(b"a,a\n").unwrap_err().cause.contains("repeats"));
         assert!(table(b"a,b\n\xff,2\n").unwrap_err().cause.contains("UTF-8"));
     }

@@ -66,7 +66,7 @@ pub struct Mount {
     pub gimbal: GimbalAngles,
     /// What gimbal angles are counted from.
     pub gimbal_reference: GimbalReference,
-    /// How the stored pixels of every frame are turned, unless its record says otherwise.
+    /// How the stored pixels of every frame are turned; a record's own turn already includes this one.
     pub pixel_rotation: PixelRotation,
 }
 

@@ -59,8 +59,9 @@ const RANGE_IN_HEIGHTS: f64 = 20.0;
 pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Georeferenced, InputError> {
     let images = image_names(declared)?;
     let geoid = declared.geoid_undulation_m.map_or(Geoid::Egm96, Geoid::Constant);
-    let ground = SurveyGround::load(&declared.ground, &geoid)?;
     let table = read_log(&declared.log)?;
+    let near = poses::first_place(declared, &table)?;
+    let ground = SurveyGround::load(&declared.ground, near.as_ref(), &geoid)?;
     let (records, bad) = poses::records(declared, table, |at| product_crs(declared, at), &geoid, &|at| {
         ground.heights(at, &geoid)
     })?;
@@ -68,7 +69,9 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
     if records.is_empty() {
         return Err(no_rows(declared, &bad));
     }
-    let projection = product_crs(declared, &middle(&records))?;
+    let centre = middle(&records);
+    let projection = product_crs(declared, &centre)?;
+    notes.extend(scale_note(&projection, &centre));
     let file = declared.log.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut poses = match &declared.log.join {
         Join::Name { .. } => by_name(&images, records, bad, &file, &mut notes),
@@ -134,6 +137,7 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
         )
         .caused_by(&declared.images));
     }
+    notes.extend(ground.fallback_note(&frames));
     if declared.log.attitude.as_ref().is_some_and(|a| a.yaw.is_course()) {
         notes.push("yaw is the course over ground, as declared: the crab angle is not corrected".to_owned());
     }
@@ -170,7 +174,34 @@ fn product_crs(declared: &Georeference, at: &Geodetic) -> Result<Projection, Inp
         Crs::Auto => Projection::utm_at(at),
         Crs::Given(definition) => Projection::new(definition),
     }
-    .map_err(|e| InputError::new(&declared.log.file, format!("crs: {e}")).caused_by(&declared.crs))
+    .map_err(|e| {
+        InputError::of_setting(&declared.crs, e.to_string())
+            .help("write \"auto\" for the survey's UTM zone, or a projected CRS such as \"EPSG:32617\"")
+    })
+}
+
+/// What to say about a map grid that is not true to scale where the survey lies.
+fn scale_note(projection: &Projection, at: &Geodetic) -> Option<String> {
+    /// UTM stays within 0.04 % of true scale in its zone and 0.1 % in its neighbours.
+    const TOLERATED: f64 = 0.005;
+    if projection.is_geographic() {
+        return None;
+    }
+    let tangent = crate::geodesy::LocalTangent::at(*at);
+    let step = |n, e| WGS84.geodetic_from_ecef(&(*tangent.ecef_from_ned() * Point::new(n, e, 0.0)));
+    let map = projection.map_from_geodetic(&[*at, step(1.0, 0.0), step(0.0, 1.0)]).ok()?;
+    let (north, east) = (
+        (map[1].easting - map[0].easting, map[1].northing - map[0].northing),
+        (map[2].easting - map[0].easting, map[2].northing - map[0].northing),
+    );
+    let scale = (north.0 * east.1 - north.1 * east.0).abs().sqrt() * projection.metres_per_unit();
+    ((scale - 1.0).abs() > TOLERATED).then(|| {
+        format!(
+            "{} is not true to scale at the survey: a metre on the ground is {scale:.4} m on this map, and sizes \
+             and areas of the products count on the map",
+            projection.name()
+        )
+    })
 }
 
 /// The mean position, which no meridian can split.
@@ -337,7 +368,9 @@ pub fn run(config: &Config, camera: &Arc<Camera>, context: &RunContext) -> Resul
 pub(super) fn failed(config: &Config, error: InputError) -> StageError {
     let place = error.span.clone().and_then(|span| config.at(&Located { value: (), span }));
     let message = error.to_string();
-    let failure = StageError::input(message).at(place);
+    let failure =
+        if error.is_of_pipeline_file() { StageError::pipeline(message) } else { StageError::input(message) };
+    let failure = failure.at(place);
     match error.help {
         Some(help) => failure.help(help),
         None => failure,
@@ -367,7 +400,8 @@ fn frames_csv(survey: &Georeferenced) -> Result<Vec<u8>, StageError> {
     writer.into_inner().map_err(|e| StageError::new(ErrorClass::Bug, e.to_string()))
 }
 
-/// A row of `frames.csv`: the camera, not the antenna. Empty cells for a rejected frame.
+/// A row of `frames.csv`: the camera, not the antenna or the UAV. `camera_yaw_deg` and its fellows are those of
+/// a body whose nose is the sensor's top. Empty cells for a rejected frame.
 #[derive(Debug, Default, serde::Serialize)]
 struct FrameRow {
     frame: String,
@@ -380,9 +414,9 @@ struct FrameRow {
     height_ellipsoid_m: Option<String>,
     easting: Option<String>,
     northing: Option<String>,
-    yaw_deg: Option<String>,
-    pitch_deg: Option<String>,
-    roll_deg: Option<String>,
+    camera_yaw_deg: Option<String>,
+    camera_pitch_deg: Option<String>,
+    camera_roll_deg: Option<String>,
     omega_deg: Option<String>,
     phi_deg: Option<String>,
     kappa_deg: Option<String>,
@@ -421,9 +455,9 @@ impl FrameRow {
             height_ellipsoid_m: decimals(centre.height.get(), 4),
             easting: decimals(map.easting, map_decimals),
             northing: decimals(map.northing, map_decimals),
-            yaw_deg: decimals(attitude.yaw.degrees(), 6),
-            pitch_deg: decimals(attitude.pitch.degrees(), 6),
-            roll_deg: decimals(attitude.roll.degrees(), 6),
+            camera_yaw_deg: decimals(attitude.yaw.degrees(), 6),
+            camera_pitch_deg: decimals(attitude.pitch.degrees(), 6),
+            camera_roll_deg: decimals(attitude.roll.degrees(), 6),
             omega_deg: decimals(opk.omega.degrees(), 6),
             phi_deg: decimals(opk.phi.degrees(), 6),
             kappa_deg: decimals(opk.kappa.degrees(), 6),

@@ -301,12 +301,8 @@ fn render(
     tracing::debug!("memory: at most {} MiB planned", (ceiling.min(all) + overhead) >> 20);
     let paths = plan.frames.iter().map(|f| images.join(&f.frame.name)).collect();
     let store = PhotoStore::new(paths, plan.channels, ceiling);
-    let mut rendered = Rendered {
-        opaque_px: 0,
-        tiles_with_content: 0,
-        frames: BTreeSet::new(),
-        input_hash: String::new(),
-    };
+    let mut rendered =
+        Rendered { opaque_px: 0, tiles_with_content: 0, frames: BTreeSet::new(), input_hash: String::new() };
     let mut writer = writer(survey, plan, path)?;
     let task = context.task("rendering tiles", plan.tiles.len());
     let sink = |tile: TilePixels| -> Result<(), StageError> {

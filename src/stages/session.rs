@@ -65,7 +65,13 @@ impl Session {
                 self.survey = Some(georeference::run(config, self.camera()?, context)?);
             }
             Stage::Mosaic => {
-                mosaic::run(config, self.survey()?, context)?;
+                let rejected = mosaic::run(config, self.survey()?, context)?.rejected;
+                // A photo that could not be decoded is no part of what the accuracy is stated for.
+                if let Some(survey) = &mut self.survey {
+                    survey.frames.retain(|f| rejected.iter().all(|r| r.frame != f.name));
+                    survey.rejected.extend(rejected);
+                    survey.rejected.sort();
+                }
             }
             Stage::Accuracy => {
                 accuracy::run(config, self.survey()?, context)?;

@@ -1,7 +1,7 @@
 //! An elevation model: ellipsoidal heights on a map grid, bilinear between posts.
 
 use super::{NoGround, Terrain};
-use crate::geodesy::{Geodetic, MapPoint, MapProjection, ProjectionError};
+use crate::geodesy::{Geodetic, MapPoint, MapProjection};
 use crate::raster::{GridTransform, Raster};
 use std::sync::Arc;
 
@@ -39,16 +39,6 @@ impl Dem {
             high = high.max(f64::from(*h));
         }
         (low <= high).then_some(Self { heights, grid, projection, range: (low, high), spacing_m })
-    }
-
-    /// The middle of the grid, at ellipsoidal height 0.
-    ///
-    /// # Errors
-    /// As [`MapProjection::geodetic_from_map`].
-    pub fn centre(&self) -> Result<Geodetic, ProjectionError> {
-        let middle = |n: usize| 0.5 * (n as f64 - 1.0);
-        let at = self.grid.map_from_pixel(middle(self.heights.width()), middle(self.heights.height()));
-        Ok(self.projection.geodetic_from_map(&[at])?[0])
     }
 
     /// Height at a map position: bilinear between the four posts around it; within half a cell of the

@@ -8,6 +8,7 @@ use crate::formats::crs::Projection;
 use crate::formats::elevation::read_elevation;
 use crate::formats::geoid::Geoid;
 use crate::geodesy::{Geodetic, MapPoint, MapProjection};
+use crate::georeference::GeoreferencedFrame;
 use crate::navigation::NavigationRecord;
 use crate::raster::Raster;
 use crate::terrain::{ConstantHeight, Dem, Filled, Terrain};
@@ -21,34 +22,60 @@ pub(super) enum SurveyGround {
     BelowCamera(HeightAboveGround),
     /// An elevation model.
     Model(Arc<dyn Terrain>),
+    /// An elevation model, and the same with a stated height where it has none.
+    FilledModel {
+        /// The model alone.
+        model: Arc<dyn Terrain>,
+        /// What frames are laid on.
+        filled: Arc<dyn Terrain>,
+    },
 }
 
 impl SurveyGround {
-    /// Loads the model, if it is one.
-    pub(super) fn load(declared: &Ground, geoid: &Geoid) -> Result<Self, InputError> {
+    /// Loads the model, if it is one. `near` is a place of the survey, for the geoid under a stated height.
+    pub(super) fn load(
+        declared: &Ground,
+        near: Option<&Geodetic>,
+        geoid: &Geoid,
+    ) -> Result<Self, InputError> {
         Ok(match declared {
             Ground::Plane(height) => Self::Plane(*height),
             Ground::BelowCamera(height) => Self::BelowCamera(height.clone()),
             Ground::Dem { file, datum, fallback_m } => {
                 let model = load_dem(file, *datum, geoid).map_err(|e| e.caused_by(file))?;
-                Self::Model(match fallback_m {
-                    None => Arc::new(model),
+                match fallback_m {
+                    None => Self::Model(Arc::new(model)),
                     Some(metres) => {
-                        let undulation_m = match datum {
-                            VerticalDatum::Ellipsoid => 0.0,
-                            VerticalDatum::Egm96 => {
-                                let centre =
-                                    model.centre().map_err(|e| InputError::new(file, e.to_string()))?;
-                                geoid
-                                    .undulations(&[centre])
-                                    .map_err(|e| InputError::new(file, e.to_string()))?[0]
-                            }
+                        let undulation_m = match (datum, near) {
+                            (VerticalDatum::Ellipsoid, _) | (_, None) => 0.0,
+                            (VerticalDatum::Egm96, Some(near)) => geoid
+                                .undulations(&[*near])
+                                .map_err(|e| InputError::new(file, e.to_string()).caused_by(file))?[0],
                         };
                         let stated = Height { metres: *metres, datum: *datum };
-                        Arc::new(Filled { model, fallback_m: ellipsoidal(stated, undulation_m) })
+                        let fallback_m = ellipsoidal(stated, undulation_m);
+                        Self::FilledModel {
+                            model: Arc::new(model.clone()),
+                            filled: Arc::new(Filled { model, fallback_m }),
+                        }
                     }
-                })
+                }
             }
+        })
+    }
+
+    /// What to say about frames that lie on the stated height instead of the model.
+    pub(super) fn fallback_note(&self, frames: &[GeoreferencedFrame]) -> Option<String> {
+        let Self::FilledModel { model, .. } = self else { return None };
+        let anchors: Vec<Geodetic> =
+            frames.iter().filter_map(|f| f.footprint.anchor.map(|a| a.position)).collect();
+        let without = model.heights(&anchors).iter().filter(|h| h.is_err()).count();
+        (without > 0).then(|| {
+            format!(
+                "the elevation model has no height under the middle of {without} of {} frames; the stated \
+                 fallback_height stands in there",
+                frames.len()
+            )
         })
     }
 
@@ -60,7 +87,7 @@ impl SurveyGround {
         geoid: &Geoid,
     ) -> Result<Arc<dyn Terrain>, String> {
         Ok(match self {
-            Self::Model(terrain) => terrain.clone(),
+            Self::Model(terrain) | Self::FilledModel { filled: terrain, .. } => terrain.clone(),
             Self::Plane(height) => {
                 let undulation_m = match height.datum {
                     VerticalDatum::Ellipsoid => 0.0,
@@ -86,7 +113,9 @@ impl SurveyGround {
     /// Ellipsoidal ground heights at positions, for logs whose heights are above ground.
     pub(super) fn heights(&self, at: &[Geodetic], geoid: &Geoid) -> Vec<Result<f64, String>> {
         match self {
-            Self::Model(terrain) => super::poses::heights_under(terrain.as_ref(), at),
+            Self::Model(terrain) | Self::FilledModel { filled: terrain, .. } => {
+                super::poses::heights_under(terrain.as_ref(), at)
+            }
             Self::Plane(height) => match height.datum {
                 VerticalDatum::Ellipsoid => vec![Ok(height.metres); at.len()],
                 VerticalDatum::Egm96 => match geoid.undulations(at) {

@@ -126,11 +126,17 @@ pub(super) fn records(
 fn position_crs(declared: &Georeference) -> Result<Option<Projection>, InputError> {
     use crate::config::log::PositionColumns;
     match &declared.log.position {
-        PositionColumns::Projected { crs, .. } => Projection::new(crs)
-            .map(Some)
-            .map_err(|e| InputError::new(&declared.log.file, format!("position_crs: {e}")).caused_by(crs)),
+        PositionColumns::Projected { crs, .. } => {
+            Projection::new(crs).map(Some).map_err(|e| InputError::of_setting(crs, e.to_string()))
+        }
         _ => Ok(None),
     }
+}
+
+/// Where the first usable row stands.
+pub(super) fn first_place(declared: &Georeference, table: &LogTable) -> Result<Option<Geodetic>, InputError> {
+    let first: Vec<LogRow> = table.rows.first().cloned().into_iter().collect();
+    Ok(places(declared, first, &mut Vec::new())?.first().map(|(_, at)| *at))
 }
 
 /// Latitude and longitude of every row, at the height it states.
