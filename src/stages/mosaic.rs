@@ -112,6 +112,15 @@ pub fn run(
             &settings(declared, survey, channels),
         )
         .map_err(|e| unplannable(config, declared, e))?;
+        if plan.width.min(plan.height) < 2 {
+            let key = declared.gsd_m.as_ref().map(|gsd| Located { value: (), span: gsd.span.clone() });
+            return Err(StageError::pipeline(format!(
+                "at {} m per pixel the whole survey falls into {} × {} pixels",
+                plan.gsd_m, plan.width, plan.height
+            ))
+            .at(key.and_then(|key| config.at(&key)))
+            .help("choose a smaller gsd, or \"auto\""));
+        }
         match render(config, declared, survey, &plan, images, &path, context) {
             Ok(raster) => break (plan, raster),
             Err(Failure::Stage(error)) => return Err(error),
