@@ -154,6 +154,9 @@ pub struct LocateArguments {
     /// What height_m is measured from. Required when the CSV has that column.
     #[arg(long, value_enum, value_name = "DATUM", requires = "pixels")]
     pub height_datum: Option<DatumName>,
+    /// Run folder that holds the calibrated camera, instead of the pipeline file's.
+    #[arg(long, short, value_name = "DIR")]
+    pub output: Option<PathBuf>,
     /// Print JSON lines instead of CSV.
     #[arg(long)]
     pub json: bool,
@@ -167,6 +170,9 @@ pub struct ExplainArguments {
     pub pipeline: PipelineArguments,
     /// File name of the frame.
     pub frame: String,
+    /// Run folder that holds the calibrated camera, instead of the pipeline file's.
+    #[arg(long, short, value_name = "DIR")]
+    pub output: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

@@ -195,9 +195,9 @@ impl Console {
                     ProgressStyle::with_template("{prefix:>12} {msg} [{bar:30}] {pos}/{len} {eta} left")
                         .expect("a constant template")
                         .progress_chars("=> ");
-                let bar = bars.add(ProgressBar::new(total)).with_style(style);
-                bar.set_prefix(who);
-                bar.set_message(label.to_owned());
+                let bar =
+                    ProgressBar::new(total).with_style(style).with_prefix(who).with_message(label.to_owned());
+                let bar = bars.add(bar);
                 bar.enable_steady_tick(Duration::from_millis(250));
                 Box::new(BarTask(bar))
             }

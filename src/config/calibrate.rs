@@ -273,6 +273,13 @@ pub struct Calibrate {
     pub camera: CameraSource,
 }
 
+impl Calibrate {
+    /// Whether the camera has to be worked out, instead of being given.
+    pub fn is_estimated(&self) -> bool {
+        matches!(self.camera, CameraSource::Photos(_) | CameraSource::Corners(_))
+    }
+}
+
 /// Where the camera comes from.
 #[derive(Debug, Clone)]
 #[expect(clippy::large_enum_variant, reason = "a pipeline holds one")]

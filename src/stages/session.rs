@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::accuracy;
-use super::calibrate;
+use super::calibrate::{self, Calibrated};
 use super::context::{ErrorClass, RunContext, Stage, StageError};
 use super::georeference::{self, Georeferenced};
 use super::mosaic;
@@ -23,19 +23,34 @@ pub struct Session {
 impl Session {
     /// Loads the camera and georeferences the survey, without writing anything.
     ///
-    /// A camera that has yet to be calibrated from photos is taken from the run folder.
+    /// A camera that has to be calibrated is taken from the run folder.
     ///
     /// # Errors
     /// As the stages' own.
     pub fn look(config: &Config, run_folder: &Path) -> Result<Self, StageError> {
-        let camera = Arc::new(calibrate::look(config, run_folder)?);
-        let survey = match &config.georeference {
-            None => None,
-            Some(declared) => Some(
-                georeference::georeference(declared, &camera)
-                    .map_err(|error| georeference::failed(config, error))?,
-            ),
-        };
+        Self::with_camera(config, Arc::new(calibrate::look(config, run_folder)?))
+    }
+
+    /// Calibrates the camera and georeferences the survey in memory: what a run would find out before it renders.
+    ///
+    /// # Errors
+    /// As the stages' own.
+    pub fn rehearse(config: &Config) -> Result<(Self, Calibrated), StageError> {
+        let context = RunContext::without_products(Stage::Calibrate, config.run.seed);
+        let calibrated = calibrate::make(config, &context)?;
+        Ok((Self::with_camera(config, calibrated.camera.clone())?, calibrated))
+    }
+
+    fn with_camera(config: &Config, camera: Arc<Camera>) -> Result<Self, StageError> {
+        let survey = config.georeference.as_ref().map(|declared| {
+            let survey = georeference::georeference(declared, &camera);
+            survey.map_err(|error| georeference::failed(config, error))
+        });
+        let mut survey = survey.transpose()?;
+        if let Some(survey) = &mut survey {
+            // As the accuracy stage does, so that a pixel's spread is the same everywhere.
+            survey.frames = accuracy::with_velocities(&survey.frames);
+        }
         Ok(Self { camera: Some(camera), survey })
     }
 
@@ -49,9 +64,7 @@ impl Session {
                 .help("add one: without poses there is no place on the ground")
         })
     }
-}
 
-impl Session {
     /// Makes one stage's products and keeps what later stages need.
     ///
     /// # Errors

@@ -295,14 +295,16 @@ fn a_run_says_where_its_products_are() {
 #[test]
 fn the_number_of_threads_does_not_change_a_byte() {
     let project = Project::new();
+    project.write("p.toml", &format!("{PIPELINE}{SIGMAS}[accuracy.monte_carlo]\ndraws = 500\n"));
     for jobs in ["1", "2"] {
-        project.go(&["run", "p.toml", "--until", "mosaic", "--jobs", jobs, "--output", jobs]).done();
+        project.go(&["run", "p.toml", "--jobs", jobs, "--output", jobs]).done();
     }
     let [mut one, mut two] = ["1", "2"].map(|folder| project.files(folder));
     for files in [&mut one, &mut two] {
         files.remove("timings.json").unwrap();
     }
     assert_eq!(one.keys().collect::<Vec<_>>(), two.keys().collect::<Vec<_>>());
+    assert!(one.contains_key("index.html") && one.contains_key("accuracy/accuracy.json"));
     for (name, bytes) in &one {
         assert!(two[name] == *bytes, "{name} differs");
     }
@@ -470,6 +472,37 @@ fn colours_are_used_only_when_asked_for_off_a_terminal() {
     let wrong = ["check", "p.toml", "--set", "mosaic.gsd=1"];
     assert!(!project.go(&wrong).stderr.contains('\u{1b}'));
     assert!(project.go(&[&wrong[..], &["--color", "always"]].concat()).stderr.contains('\u{1b}'));
+}
+
+#[test]
+fn simulate_makes_a_survey_and_its_refusals_are_clear() {
+    let project = Project::new();
+    project.write("tiny.toml", "[flight]\nstrips = 1\nframes_per_strip = 1\n[calibration]\nviews = 0\n");
+    let small = [
+        "--set",
+        "camera.width_px=96",
+        "--set",
+        "camera.height_px=54",
+        "--set",
+        "camera.fx_px=62",
+        "--set",
+        "camera.fy_px=62",
+        "--set",
+        "camera.cx_px=48",
+        "--set",
+        "camera.cy_px=27",
+    ];
+    let words = [&["simulate", "tiny.toml", "--output", "survey", "--json"][..], &small].concat();
+    let seen = project.go(&words);
+    let written: serde_json::Value = serde_json::from_str(&seen.done().stdout).unwrap();
+    assert_eq!(written["frames"], 1);
+    assert!(project.path("survey/images/IMG_0001.jpg").exists());
+    project.go(&words).failed(2, &["already holds a survey", "--force"]);
+    project.go(&[&words[..], &["--force"]].concat()).done();
+    project
+        .go(&["simulate", "tiny.toml", "--output", "s2", "--set", "flight.stripes=2"])
+        .failed(3, &["unknown key `stripes`", "did you mean `strips`?"]);
+    assert!(!project.path("s2").exists());
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub fn run(arguments: &CheckArguments, console: &Arc<Console>) -> Result<ExitCla
     if !missing.is_empty() {
         return Ok(ExitClass::Input);
     }
-    let session = Session::look(&config, &config.run.output)?;
+    let (session, camera) = Session::rehearse(&config)?;
     let survey = session.survey().ok();
     let size = session.mosaic_size(&config)?;
     let stages: Vec<_> = plan.steps.iter().map(|(stage, _)| stage.name()).collect();
@@ -40,6 +40,7 @@ pub fn run(arguments: &CheckArguments, console: &Arc<Console>) -> Result<ExitCla
         Some(survey) => (survey.frames.len(), &survey.rejected[..], &survey.notes[..]),
         None => (0, &[][..], &[][..]),
     };
+    let all_notes: Vec<&String> = camera.notes.iter().chain(notes).collect();
     if arguments.json {
         print_json(&json!({
             "pipeline": config.source.name,
@@ -49,12 +50,21 @@ pub fn run(arguments: &CheckArguments, console: &Arc<Console>) -> Result<ExitCla
             "frames_rejected": rejected,
             "crs": survey.map(|survey| survey.projection.definition()),
             "mosaic": size,
-            "notes": notes,
+            "photos_used": camera.photos.len(),
+            "photos_rejected": camera.rejected,
+            "notes": all_notes,
         }))?;
     } else {
         let mut text = format!("stages    {}\n", stages.join(", "));
         for input in &found {
             let _ = writeln!(text, "input     {}", describe(input));
+        }
+        if !(camera.photos.is_empty() && camera.rejected.is_empty()) {
+            let (used, all) = (camera.photos.len(), camera.photos.len() + camera.rejected.len());
+            let _ = writeln!(text, "photos    {used} of {all} show the target");
+        }
+        for photo in &camera.rejected {
+            let _ = writeln!(text, "rejected  {}: {}", photo.file, photo.reason);
         }
         if let Some(survey) = survey {
             let _ = writeln!(text, "frames    {used} of {} would be used", used + rejected.len());
@@ -67,7 +77,7 @@ pub fn run(arguments: &CheckArguments, console: &Arc<Console>) -> Result<ExitCla
         if let Some(size) = size {
             let _ = writeln!(text, "mosaic    {} × {} pixels of {} m", size.columns, size.rows, size.gsd_m);
         }
-        for note in notes {
+        for note in all_notes {
             let _ = writeln!(text, "note      {note}");
         }
         print(&text)?;

@@ -11,7 +11,7 @@ use crate::stages::session::Session;
 
 pub fn run(arguments: &ExplainArguments) -> Result<ExitClass, StageError> {
     let config = Config::load(&arguments.pipeline.file, &arguments.pipeline.overrides)?;
-    let session = Session::look(&config, &config.run.output)?;
+    let session = Session::look(&config, arguments.output.as_deref().unwrap_or(&config.run.output))?;
     let survey = session.survey()?;
     let frame = Locator::new(&config, survey).frame(&arguments.frame)?;
     let explanation = explain(frame, &survey.projection);

@@ -19,7 +19,7 @@ pub fn run(arguments: &LocateArguments) -> Result<ExitClass, StageError> {
     let datum = arguments.height_datum.map(VerticalDatum::from);
     // The list of pixels first: reading it is quicker than georeferencing a survey.
     let pixels = arguments.pixels.as_deref().map(|file| Pixels::read(file, datum)).transpose()?;
-    let session = Session::look(&config, &config.run.output)?;
+    let session = Session::look(&config, arguments.output.as_deref().unwrap_or(&config.run.output))?;
     let locator = Locator::new(&config, session.survey()?);
     if !locator.knows_spread() {
         tracing::warn!("the pipeline has no [accuracy.sigmas], so the ellipse and CE90 stay empty");

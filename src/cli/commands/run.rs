@@ -121,6 +121,8 @@ fn dry_run(
     let size = match Session::look(config, options.folder(config)) {
         Ok(session) if plan.runs(Stage::Mosaic) => session.mosaic_size(config)?,
         Ok(_) => None,
+        // Without the camera that this very run is to calibrate, the mosaic's size is not known yet.
+        Err(_) if plan.runs(Stage::Calibrate) && config.calibrate.is_estimated() => None,
         Err(error) => return Err(error),
     };
     // What a GeoTIFF of this size takes before compression: three colours and a mask.
