@@ -110,10 +110,14 @@ fn path(points: impl Iterator<Item = (f64, f64)>, closed: bool) -> String {
     d
 }
 
-/// A number with as many decimals as its step needs.
+/// A number with as many decimals as its step needs: 2.5 needs one.
 fn by_step(value: f64, step: f64) -> String {
-    let decimals = (-step.abs().log10() - 1e-6).ceil().clamp(0.0, 6.0);
-    format!("{value:.*}", if decimals.is_finite() { decimals as usize } else { 0 })
+    let whole = |decimals: i32| {
+        let scaled = step.abs() * 10_f64.powi(decimals);
+        scaled >= 1.0 - 1e-6 && (scaled - scaled.round()).abs() < 1e-6 * scaled
+    };
+    let decimals = (0..6).find(|d| whole(*d)).unwrap_or(6);
+    format!("{value:.*}", decimals as usize)
 }
 
 /// Values over an image, at the centres of equal cells.
@@ -169,23 +173,35 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
 
     let finite = || panel.values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), v| (l.min(v), u.max(v)));
+    // Steps of colour rather than a ramp: neighbours of one step share a rectangle, and the file stays small.
+    const STEPS: f64 = 14.0;
+    let band = |value: f64| {
+        let share = if high > low { (value - low) / (high - low) } else { 0.0 };
+        value.is_finite().then(|| (share * STEPS).round() as u32)
+    };
     let mut cells = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for (i, value) in panel.values.iter().enumerate() {
-        if !value.is_finite() {
-            continue;
+    for (row, values) in panel.values.chunks(panel.columns).enumerate() {
+        let mut column = 0;
+        for run in values.chunk_by(|a, b| band(*a) == band(*b)) {
+            let first = column;
+            column += run.len();
+            let Some(step) = band(run[0]) else { continue };
+            let (x, y) = (left + first as f64 * cell_w, top + row as f64 * cell_h);
+            cells.0.push(x.round());
+            cells.1.push(y.round());
+            // Each reaches under its right and lower neighbour, or seams show at some scales.
+            cells
+                .2
+                .push((left + column as f64 * cell_w).round() - x.round() + overlap(column, panel.columns));
+            cells
+                .3
+                .push((top + (row + 1) as f64 * cell_h).round() - y.round() + overlap(row + 1, panel.rows));
+            cells.4.push(tint(f64::from(step) / STEPS));
         }
-        let (c, r) = ((i % panel.columns) as f64, (i / panel.columns) as f64);
-        // On whole units, and each under its right and lower neighbour, or seams show at some scales.
-        let (x, y) = ((left + c * cell_w).round(), (top + r * cell_h).round());
-        cells.0.push(x);
-        cells.1.push(y);
-        cells.2.push((left + (c + 1.0) * cell_w).round() - x + overlap(c, panel.columns));
-        cells.3.push((top + (r + 1.0) * cell_h).round() - y + overlap(r, panel.rows));
-        cells.4.push(tint(if high > low { (value - low) / (high - low) } else { 0.0 }));
     }
     scene.add(Primitive::RectBatch { x: cells.0, y: cells.1, w: cells.2, h: cells.3, fills: cells.4 });
 
-    let levels = if panel.spread { spread_levels(&panel.values, 9) } else { round_levels(&panel.values, 8) };
+    let levels = if panel.spread { spread_levels(&panel.values, 9) } else { round_levels(&panel.values, 12) };
     let step = levels.windows(2).map(|p| (p[1] - p[0]).abs()).fold(f64::INFINITY, f64::min);
     let mut labels: Vec<((f64, f64), String)> = Vec::new();
     for level in levels {
@@ -196,7 +212,7 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
                 .map(|(c, r)| (left + (c + 0.5) * cell_w, top + (r + 0.5) * cell_h))
                 .collect();
             if let Some(at) = label_place(&points, &labels) {
-                labels.push((at, by_step(level, if panel.spread { level / 10.0 } else { step })));
+                labels.push((at, by_step(level, if panel.spread { level } else { step })));
             }
             scene.add(Primitive::PolyLine {
                 points,
@@ -250,8 +266,8 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
 }
 
 /// How far a cell reaches under the next one; the last one ends with the picture.
-fn overlap(index: f64, count: usize) -> f64 {
-    if index + 1.0 < count as f64 { 1.0 } else { 0.0 }
+const fn overlap(next: usize, count: usize) -> f64 {
+    if next < count { 1.0 } else { 0.0 }
 }
 
 /// Half way along a line, if that is not on top of another label; lines too short for a label have none.
@@ -371,7 +387,7 @@ pub fn survey_map(frames: &[MapFrame], unit_m: Option<f64>) -> Result<Figure, Fi
         text(
             &mut scene,
             (MARGIN + long + 10.0, base + 5.0),
-            &format!("{metres:.0} m"),
+            &format!("{} m", by_step(metres, metres)),
             14,
             TextAnchor::Start,
             INK,
@@ -535,6 +551,14 @@ mod tests {
         assert_eq!(contour_panels(&[panel(32, 18)]).unwrap(), contour_panels(&[panel(32, 18)]).unwrap());
         let short = Panel { rows: 17, ..panel(32, 18) };
         assert!(matches!(contour_panels(&[short]), Err(FigureError::Grid { .. })));
+    }
+
+    #[test]
+    fn labels_have_the_decimals_of_their_step() {
+        assert_eq!(by_step(0.30000000000000004, 0.1), "0.3");
+        assert_eq!(by_step(7.5, 2.5), "7.5");
+        assert_eq!(by_step(0.75, 0.25), "0.75");
+        assert_eq!(by_step(500.0, 250.0), "500");
     }
 
     #[test]
