@@ -151,7 +151,7 @@ pub struct LocateArguments {
     /// Many pixels: a CSV with columns frame, column, row and optionally height_m, the height of the ground for that row.
     #[arg(long, value_name = "P.csv")]
     pub pixels: Option<PathBuf>,
-    /// What height_m is measured from. Required when the CSV has that column.
+    /// What height_m is measured from. Default: the datum of [georeference.ground]; required where that states none.
     #[arg(long, value_enum, value_name = "DATUM", requires = "pixels")]
     pub height_datum: Option<DatumName>,
     /// Run folder that holds the calibrated camera, instead of the pipeline file's.

@@ -326,6 +326,17 @@ pub enum Ground {
     },
 }
 
+impl Ground {
+    /// What the stated heights of the ground are measured from; `None` where none is stated.
+    pub fn datum(&self) -> Option<VerticalDatum> {
+        match self {
+            Self::Plane(height) => Some(height.datum),
+            Self::Dem { datum, .. } => Some(*datum),
+            Self::BelowCamera(_) => None,
+        }
+    }
+}
+
 /// Height of the camera above the ground below it.
 #[derive(Debug, Clone)]
 pub enum HeightAboveGround {

@@ -85,6 +85,17 @@ pub fn make(config: &Config, context: &RunContext) -> Result<Calibrated, StageEr
     }
 }
 
+/// True when [`look`] has a camera without calibrating: none is to be estimated, or an earlier run left it.
+#[must_use]
+pub fn is_left_in(config: &Config, run_folder: &Path) -> bool {
+    match &config.calibrate.camera {
+        CameraSource::File(_) | CameraSource::Parameters(_) => true,
+        CameraSource::Photos(_) | CameraSource::Corners(_) => {
+            run_folder.join("calibrate").join(CAMERA_FILE).is_file()
+        }
+    }
+}
+
 /// The camera without the work of calibrating: of a camera file or parameters directly, otherwise the one
 /// that an earlier run left in `run_folder`.
 ///

@@ -23,12 +23,16 @@ pub struct Session {
 impl Session {
     /// Loads the camera and georeferences the survey, without writing anything.
     ///
-    /// A camera that has to be calibrated is taken from the run folder.
+    /// A camera that has to be calibrated is taken from the run folder, or calibrated in memory where no run has
+    /// left one: the result is the same.
     ///
     /// # Errors
     /// As the stages' own.
     pub fn look(config: &Config, run_folder: &Path) -> Result<Self, StageError> {
-        Self::with_camera(config, Arc::new(calibrate::look(config, run_folder)?))
+        if calibrate::is_left_in(config, run_folder) {
+            return Self::with_camera(config, Arc::new(calibrate::look(config, run_folder)?));
+        }
+        Ok(Self::rehearse(config)?.0)
     }
 
     /// Calibrates the camera and georeferences the survey in memory: what a run would find out before it renders.

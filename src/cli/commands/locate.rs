@@ -18,7 +18,9 @@ pub fn run(arguments: &LocateArguments) -> Result<ExitClass, StageError> {
     let config = Config::load(&arguments.pipeline.file, &arguments.pipeline.overrides)?;
     let datum = arguments.height_datum.map(VerticalDatum::from);
     // The list of pixels first: reading it is quicker than georeferencing a survey.
-    let pixels = arguments.pixels.as_deref().map(|file| Pixels::read(file, datum)).transpose()?;
+    let ground_datum = config.georeference.as_ref().and_then(|declared| declared.ground.datum());
+    let pixels =
+        arguments.pixels.as_deref().map(|file| Pixels::read(file, datum, ground_datum)).transpose()?;
     let session = Session::look(&config, arguments.output.as_deref().unwrap_or(&config.run.output))?;
     let locator = Locator::new(&config, session.survey()?);
     if !locator.knows_spread() {
@@ -58,16 +60,21 @@ struct Pixels {
 }
 
 impl Pixels {
-    fn read(file: &Path, datum: Option<VerticalDatum>) -> Result<Self, StageError> {
+    /// `datum` as asked on the command line, `ground_datum` that of the pipeline's ground.
+    fn read(
+        file: &Path,
+        datum: Option<VerticalDatum>,
+        ground_datum: Option<VerticalDatum>,
+    ) -> Result<Self, StageError> {
         let refused = |error: InputError| {
             let failure = StageError::input(error.to_string());
             error.help.iter().fold(failure, |failure, help| failure.help(help.clone()))
         };
         let table = Table::read_path(file, b',').map_err(refused)?;
         let column = |name| table.column_named(name).map_err(refused);
-        let height = match (table.has("height_m"), datum) {
+        let height = match (table.has("height_m"), datum.or(ground_datum)) {
             (true, Some(datum)) => Some((column("height_m")?, datum)),
-            (false, None) => None,
+            (false, _) if datum.is_none() => None,
             (true, None) => {
                 return Err(StageError::new(
                     ErrorClass::Usage,
@@ -75,7 +82,7 @@ impl Pixels {
                 )
                 .help("add --height-datum ellipsoid or --height-datum egm96"));
             }
-            (false, Some(_)) => {
+            (false, _) => {
                 return Err(StageError::new(
                     ErrorClass::Usage,
                     format!("--height-datum is given, but {} has no column height_m", file.display()),
