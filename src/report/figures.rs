@@ -486,12 +486,15 @@ pub fn residual_plot(
 pub const CE90_COLOURS: [[u8; 3]; 5] =
     [[38, 84, 124], [66, 143, 150], [156, 197, 121], [245, 206, 96], [203, 76, 46]];
 
+/// A picture as PNG, and the values that its first and its last colour stand for.
+pub type ColouredMap = (Vec<u8>, [f64; 2]);
+
 /// A CE90 map as a picture, one pixel to a cell, transparent where nothing is known; with the values that
 /// the first and the last colour stand for.
 ///
 /// # Errors
 /// [`FigureError::Grid`] and [`FigureError::Raster`].
-pub fn ce90_picture(values: &[f32], columns: usize) -> Result<Option<(Vec<u8>, [f64; 2])>, FigureError> {
+pub fn ce90_picture(values: &[f32], columns: usize) -> Result<Option<ColouredMap>, FigureError> {
     let rows = values.len() / columns.max(1);
     let mut seen: Vec<f32> = values.iter().copied().filter(|v| v.is_finite()).collect();
     seen.sort_by(f32::total_cmp);
