@@ -63,7 +63,7 @@ pub struct SigmasSpec {
     /// Time between exposure and pose. Needs the speed: a column ground_speed, velocity or time of the log. Default "0 s".
     #[serde(default = "no_duration")]
     pub time: Located<Duration>,
-    /// Each component of each lever arm. Default "0 m".
+    /// Each component of the whole arm from the antenna to the camera. Default "0 m".
     #[serde(default = "no_length")]
     pub lever_arm: Located<Length>,
     /// Height of the ground. Default "0 m".
@@ -322,7 +322,7 @@ pub struct Sigmas {
     pub gimbal_rad: f64,
     /// Exposure against pose, seconds.
     pub time_s: f64,
-    /// Each component of each lever arm, metres.
+    /// Each component of the whole arm from the antenna to the camera, metres.
     pub lever_arm_m: f64,
     /// Height of the ground, metres.
     pub ground_height_m: f64,

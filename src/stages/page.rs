@@ -115,6 +115,38 @@ fn bytes(path: &Path) -> Result<Vec<u8>, StageError> {
     })
 }
 
+/// A picture no wider and higher than the page can show, so that the page can be sent by mail.
+fn reduced(path: &Path) -> Result<Vec<u8>, StageError> {
+    const MOST_PX: u32 = 1000;
+    let broken = |e: image::ImageError| {
+        StageError::new(ErrorClass::Io, format!("{} cannot be reduced for the report", path.display()))
+            .because(e)
+    };
+    let stored = bytes(path)?;
+    let picture = image::load_from_memory(&stored).map_err(broken)?;
+    if picture.width().max(picture.height()) <= MOST_PX {
+        return Ok(stored);
+    }
+    // Colours weighted by opacity, or the black of transparent pixels would seep into the mosaic's rim.
+    let mut light = picture.to_rgba32f();
+    for pixel in light.pixels_mut() {
+        let alpha = pixel.0[3];
+        pixel.0[..3].iter_mut().for_each(|c| *c *= alpha);
+    }
+    let mut light = image::DynamicImage::from(light)
+        .resize(MOST_PX, MOST_PX, image::imageops::FilterType::Triangle)
+        .to_rgba32f();
+    for pixel in light.pixels_mut() {
+        let alpha = pixel.0[3].max(f32::MIN_POSITIVE);
+        pixel.0[..3].iter_mut().for_each(|c| *c /= alpha);
+    }
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::DynamicImage::from(image::DynamicImage::from(light).to_rgba8())
+        .write_to(&mut png, image::ImageFormat::Png)
+        .map_err(broken)?;
+    Ok(png.into_inner())
+}
+
 fn text(path: &Path) -> Result<String, StageError> {
     String::from_utf8(bytes(path)?)
         .map_err(|_| StageError::new(ErrorClass::Io, format!("{} is not UTF-8 text", path.display())))
@@ -142,7 +174,7 @@ struct Mosaic {
 fn mosaic_section(folder: &Path) -> Result<MosaicSection, StageError> {
     let mosaic: Mosaic = json(&folder.join("mosaic.json"))?;
     Ok(MosaicSection {
-        preview_png: bytes(&folder.join("preview.png"))?,
+        preview_png: reduced(&folder.join("preview.png"))?,
         file: "mosaic/mosaic.tif".to_owned(),
         width_px: mosaic.width_px,
         height_px: mosaic.height_px,
