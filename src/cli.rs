@@ -19,7 +19,7 @@ use console::Console;
 use exit::ExitClass;
 
 use crate::formats::libraries;
-use crate::stages::StageError;
+use crate::stages::{ErrorClass, StageError};
 
 /// Runs the program with the arguments of the process.
 pub fn main() -> ExitCode {
@@ -69,21 +69,26 @@ fn interrupts() -> Result<Arc<AtomicBool>, StageError> {
             std::process::exit(ExitClass::Interrupted as i32);
         }
     })
-    .map_err(|error| {
-        StageError::new(crate::stages::ErrorClass::Io, "cannot listen for Ctrl-C").because(error)
-    })?;
+    .map_err(|error| StageError::new(ErrorClass::Io, "cannot listen for Ctrl-C").because(error))?;
     Ok(flag)
 }
 
 fn report_panics(console: &Arc<Console>) {
     let console = console.clone();
+    let usual = panic::take_hook();
     panic::set_hook(Box::new(move |panic| {
-        let said = panic.payload_as_str().unwrap_or("no message");
+        if std::env::var_os("RUST_BACKTRACE").is_some() {
+            usual(panic);
+        }
+        let payload = panic.payload();
+        let said = payload.downcast_ref::<&str>().copied();
+        let said =
+            said.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message");
         let place = panic.location().map_or_else(String::new, |place| format!(" ({place})"));
         console.error(
-            &StageError::new(crate::stages::ErrorClass::Bug, format!("{said}{place}"))
+            &StageError::new(ErrorClass::Bug, format!("{said}{place}"))
                 .help("this is a bug in boresight: please report it with the command line and the pipeline file")
-                .help("finished products in the run folder are complete; RUST_BACKTRACE=1 does not change this message"),
+                .help("finished products in the run folder are complete"),
         );
     }));
 }

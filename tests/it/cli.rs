@@ -1,5 +1,7 @@
 //! Through the binary: exit codes, messages with their place, what goes to stdout and what to stderr, what is written.
 
+#![expect(clippy::disallowed_methods, reason = "tests lay out inputs, not products")]
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
