@@ -26,5 +26,5 @@ mod tests;
 pub use plan::{
     Blend, MapBounds, MosaicPlan, PlanError, PlanSettings, PlannedFrame, TILE, Tile, Window, automatic_gsd_m,
 };
-pub use render::{FrameFailure, FrameSource, RenderError, TilePixels, render_tile};
+pub use render::{FrameFailure, FrameSource, RenderError, TilePixels, render_tile, stored_channels};
 pub use schedule::{ScheduleError, render_all};

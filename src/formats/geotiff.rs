@@ -1,20 +1,22 @@
 //! GeoTIFFs out: mosaics and orthos tile by tile, single bands of floating point at once, all Cloud Optimized.
 //!
 //! Tiles go into a temporary raster first, in memory while it is small, else a file in the output folder;
-//! the Cloud Optimized file is a copy of it with overviews, because its driver can only copy. It appears
+//! the Cloud Optimized file is a copy of it, because its driver can only copy. Overviews are made from the tiles
+//! as they come, on all threads; GDAL would read the whole file once more for them. It appears
 //! under its name when it is complete. GDAL reports a mistyped option or a full disk in words only: its
 //! words are listened to, and an error among them is an error here.
 
 use super::atomic::{self, WriteError, atomic_path};
 use crate::config::mosaic::Compression;
-use crate::mosaic::TilePixels;
+use crate::mosaic::{TilePixels, Window};
 use crate::raster::{GridTransform, Raster};
 use gdal::errors::GdalError;
-use gdal::raster::{Buffer, ColorInterpretation, RasterCreationOptions, ResampleAlg};
+use gdal::raster::{Buffer, ColorInterpretation, RasterBand, RasterCreationOptions, ResampleAlg};
 use gdal::{Dataset, Driver, DriverManager, Metadata};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
-use std::sync::Once;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Once, OnceLock};
 use tempfile::TempPath;
 
 /// Side of a block, pixels.
@@ -79,6 +81,11 @@ pub struct Encoding {
 }
 
 impl Encoding {
+    /// JPEG has no room for a fourth band: transparency goes into a mask of one bit.
+    fn has_mask(self) -> bool {
+        self.compression == Compression::Jpeg
+    }
+
     fn name(self) -> &'static str {
         match self.compression {
             Compression::Deflate => "DEFLATE",
@@ -105,44 +112,44 @@ impl Encoding {
 pub struct ColourWriter {
     // Before its file, so that it is closed first.
     dataset: Dataset,
-    _file: Option<TempPath>,
+    _file: Scratch,
     target: PathBuf,
+    encoding: Encoding,
+    channels: usize,
+    levels: usize,
 }
 
 impl ColourWriter {
     /// Begins a raster of `width × height` pixels with 1 or 3 channels that will appear at `target`.
     ///
     /// # Errors
-    /// [`GeotiffError`] when the folder cannot be written to.
+    /// [`GeotiffError`] when the folder cannot be written to or this GDAL cannot compress as asked.
     pub fn create(
         target: &Path,
-        width: usize,
-        height: usize,
+        (width, height): (usize, usize),
         channels: usize,
         description: &RasterDescription,
+        encoding: Encoding,
     ) -> Result<Self, GeotiffError> {
         set_up();
-        let bands = channels + 1;
-        let bytes = width.saturating_mul(height).saturating_mul(bands);
-        let file = if bytes <= SMALL { None } else { Some(scratch_beside(target)?) };
-        let failed = write_failed(target);
+        encoding.options()?;
+        let bytes = width.saturating_mul(height).saturating_mul(channels + 1);
+        let file = Scratch::beside(target, bytes)?;
+        let levels = overview_levels(width, height);
         let dataset = heard(|| {
-            let mut dataset = match &file {
-                None => DriverManager::get_driver_by_name("MEM")?.create("", width, height, bands)?,
-                Some(file) => {
-                    let block = format!("BLOCKXSIZE={BLOCK} BLOCKYSIZE={BLOCK}");
-                    let options = "TILED=YES INTERLEAVE=BAND SPARSE_OK=TRUE BIGTIFF=IF_SAFER".split(' ');
-                    DriverManager::get_driver_by_name("GTiff")?.create_with_band_type_with_options::<u8, _>(
-                        file,
-                        width,
-                        height,
-                        bands,
-                        &RasterCreationOptions::from_iter(options.chain(block.split(' '))),
-                    )?
-                }
-            };
+            let block = format!("BLOCKXSIZE={BLOCK} BLOCKYSIZE={BLOCK}");
+            let options = "TILED=YES INTERLEAVE=BAND SPARSE_OK=TRUE BIGTIFF=IF_SAFER".split(' ');
+            let bands = channels + usize::from(!encoding.has_mask());
+            let mut dataset = DriverManager::get_driver_by_name("GTiff")?
+                .create_with_band_type_with_options::<u8, _>(
+                    &file.path,
+                    width,
+                    height,
+                    bands,
+                    &RasterCreationOptions::from_iter(options.chain(block.split(' '))),
+                )?;
             describe(&mut dataset, description)?;
-            let colours = match channels {
+            let mut colours = match channels {
                 1 => vec![ColorInterpretation::GrayIndex],
                 _ => vec![
                     ColorInterpretation::RedBand,
@@ -150,32 +157,59 @@ impl ColourWriter {
                     ColorInterpretation::BlueBand,
                 ],
             };
-            for (i, colour) in colours.into_iter().chain([ColorInterpretation::AlphaBand]).enumerate() {
+            if !encoding.has_mask() {
+                colours.push(ColorInterpretation::AlphaBand);
+            }
+            for (i, colour) in colours.into_iter().enumerate() {
                 dataset.rasterband(i + 1)?.set_color_interpretation(colour)?;
+            }
+            if encoding.has_mask() {
+                dataset.rasterband(1)?.create_mask_band(true)?;
+            }
+            if levels > 0 {
+                let factors: Vec<i32> = (1..=levels).map(|level| 1 << level).collect();
+                // Empty: the tiles bring their own reductions.
+                dataset.build_overviews("NONE", &factors, &[])?;
             }
             Ok(dataset)
         })
-        .map_err(failed)?;
-        Ok(Self { dataset, _file: file, target: target.to_owned() })
+        .map_err(write_failed(target))?;
+        Ok(Self { dataset, _file: file, target: target.to_owned(), encoding, channels, levels })
     }
 
-    /// Puts a tile in its place. A transparent one is not stored.
+    /// How often a tile must be reduced for [`Self::write`].
+    #[must_use]
+    pub const fn levels(&self) -> usize {
+        self.levels
+    }
+
+    /// Puts a tile and its reductions in their places. A transparent one is not stored.
     ///
     /// # Errors
     /// [`GeotiffError::Write`].
-    pub fn write(&mut self, tile: TilePixels) -> Result<(), GeotiffError> {
-        if tile.is_transparent() {
-            return Ok(());
-        }
-        let window = tile.window;
+    pub fn write(&mut self, tile: ReducedTile) -> Result<(), GeotiffError> {
+        let (dataset, encoding, channels) = (&self.dataset, self.encoding, self.channels);
+        let put = |band: &mut RasterBand, window: Window, plane: Vec<u8>| {
+            let size = (window.width, window.height);
+            band.write((window.column as isize, window.row as isize), size, &mut Buffer::new(size, plane))
+        };
         heard(|| {
-            for (i, plane) in tile.planes.into_iter().chain([tile.alpha]).enumerate() {
-                let size = (window.width, window.height);
-                self.dataset.rasterband(i + 1)?.write(
-                    (window.column as isize, window.row as isize),
-                    size,
-                    &mut Buffer::new(size, plane),
-                )?;
+            for (level, tile) in tile.0.into_iter().enumerate() {
+                let window = tile.window;
+                let at_level = |band: RasterBand, plane: Vec<u8>| match level {
+                    0 => put(&mut { band }, window, plane),
+                    _ => put(&mut band.overview(level - 1)?, window, plane),
+                };
+                for (i, plane) in tile.planes.into_iter().enumerate() {
+                    at_level(dataset.rasterband(i + 1)?, plane)?;
+                }
+                if encoding.has_mask() {
+                    let first = dataset.rasterband(1)?;
+                    let mask = tile.alpha.into_iter().map(|a| if a == 0 { 0 } else { 255 }).collect();
+                    at_level(first.open_mask_band()?, mask)?;
+                } else {
+                    at_level(dataset.rasterband(channels + 1)?, tile.alpha)?;
+                }
             }
             Ok(())
         })
@@ -186,8 +220,7 @@ impl ColourWriter {
     ///
     /// # Errors
     /// [`GeotiffError`]; nothing then stands at the target but what stood there before.
-    pub fn finish(mut self, encoding: Encoding, metadata: &[(String, String)]) -> Result<(), GeotiffError> {
-        let options = encoding.options()?;
+    pub fn finish(mut self, metadata: &[(String, String)]) -> Result<(), GeotiffError> {
         heard(|| {
             for (key, value) in metadata {
                 self.dataset.set_metadata_item(key, value, "")?;
@@ -195,8 +228,33 @@ impl ColourWriter {
             self.dataset.flush_cache()
         })
         .map_err(write_failed(&self.target))?;
-        copy_to_cog(&self.dataset, &self.target, options)
+        copy_to_cog(&self.dataset, &self.target, self.encoding.options()?)
     }
+}
+
+/// A tile with its reductions by 2, 4, 8 …; none of them when it is transparent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReducedTile(Vec<TilePixels>);
+
+impl ReducedTile {
+    /// Reduces a tile `levels` times.
+    #[must_use]
+    pub fn new(tile: TilePixels, levels: usize) -> Self {
+        if tile.is_transparent() {
+            return Self(Vec::new());
+        }
+        let mut pyramid = vec![tile];
+        for level in 0..levels {
+            pyramid.push(pyramid[level].halved());
+        }
+        Self(pyramid)
+    }
+}
+
+/// Overviews until the whole fits one block, but no more than a block can be halved.
+fn overview_levels(width: usize, height: usize) -> usize {
+    let most = BLOCK.ilog2() as usize;
+    (0..most).take_while(|level| width.max(height).div_ceil(1 << level) > BLOCK).count()
 }
 
 /// Writes one band of floating point as a Cloud Optimized GeoTIFF; NaN is no data.
@@ -356,8 +414,14 @@ fn cog_options(compression: &'static str, threads: usize) -> Result<Vec<String>,
     ])
 }
 
-/// The values its COG driver lists for COMPRESS.
-fn offered_compressions() -> Vec<String> {
+/// The values GDAL's COG driver lists for COMPRESS. Asked once: the driver makes its list when first asked, and
+/// is not safe to ask from two threads then.
+fn offered_compressions() -> &'static [String] {
+    static OFFERED: OnceLock<Vec<String>> = OnceLock::new();
+    OFFERED.get_or_init(list_compressions)
+}
+
+fn list_compressions() -> Vec<String> {
     let listed = DriverManager::get_driver_by_name("COG")
         .ok()
         .and_then(|driver: Driver| driver.metadata_item("DMD_CREATIONOPTIONLIST", ""))
@@ -369,15 +433,38 @@ fn offered_compressions() -> Vec<String> {
     option.split("<Value>").skip(1).filter_map(|v| v.split("</Value>").next().map(str::to_owned)).collect()
 }
 
-/// A temporary file in the target's folder; it goes with the value.
-fn scratch_beside(target: &Path) -> Result<TempPath, GeotiffError> {
-    let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = tempfile::Builder::new()
-        .prefix(atomic::TEMPORARY_PREFIX)
-        .suffix(".tif")
-        .tempfile_in(folder)
-        .map_err(|source| WriteError { action: "create", path: target.to_owned(), source })?;
-    Ok(file.into_temp_path())
+/// A temporary raster that vanishes with this value.
+struct Scratch {
+    path: PathBuf,
+    file: Option<TempPath>,
+}
+
+impl Scratch {
+    /// In memory while it is small, else in the target's folder.
+    fn beside(target: &Path, bytes: usize) -> Result<Self, GeotiffError> {
+        if bytes <= SMALL {
+            static COUNT: AtomicUsize = AtomicUsize::new(0);
+            let number = COUNT.fetch_add(1, Ordering::Relaxed);
+            return Ok(Self { path: format!("/vsimem/boresight-{number}.tif").into(), file: None });
+        }
+        let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let file = tempfile::Builder::new()
+            .prefix(atomic::TEMPORARY_PREFIX)
+            .suffix(".tif")
+            .tempfile_in(folder)
+            .map_err(|source| WriteError { action: "create", path: target.to_owned(), source })?
+            .into_temp_path();
+        Ok(Self { path: file.to_path_buf(), file: Some(file) })
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        if self.file.is_none() {
+            // What cannot be removed goes with the process.
+            let _ = gdal::vsi::unlink_mem_file(&self.path);
+        }
+    }
 }
 
 fn write_failed(path: &Path) -> impl Fn(String) -> GeotiffError {
@@ -390,10 +477,16 @@ pub fn set_up() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         // SAFETY: plain setters of the C library, called once before any raster is opened here.
+        // A mask belongs into its file, and overviews have the blocks of the raster they reduce.
+        for (key, value) in [("GDAL_TIFF_INTERNAL_MASK", "YES"), ("GDAL_TIFF_OVR_BLOCKSIZE", "512")] {
+            // Fails only for keys or values with a NUL in them.
+            let _ = gdal::config::set_config_option(key, value);
+        }
         unsafe {
             gdal_sys::GDALSetCacheMax64(GDAL_CACHE as i64);
             gdal_sys::OSRSetPROJEnableNetwork(0);
         }
+        offered_compressions();
     });
 }
 

@@ -99,6 +99,11 @@ impl TileGround {
     }
 
     fn interpolate(&self, column: f64, row: f64) -> Node {
+        self.interpolate_rows::<8>(column, row, 0)
+    }
+
+    /// `N` of a node's components, from `first` on.
+    fn interpolate_rows<const N: usize>(&self, column: f64, row: f64, first: usize) -> SVector<f64, N> {
         let along = |at: f64| {
             let index = ((at / self.patch) as usize).min(self.patches - 1);
             let t = 2.0 * (at / self.patch - index as f64);
@@ -108,10 +113,11 @@ impl TileGround {
         let (c0, by_column) = along(column);
         let (r0, by_row) = along(row);
         let stride = 2 * self.patches + 1;
-        let mut sum = Node::zeros();
+        let mut sum = SVector::<f64, N>::zeros();
         for (r, wr) in by_row.iter().enumerate() {
             for (c, wc) in by_column.iter().enumerate() {
-                sum += self.nodes[(r0 + r) * stride + c0 + c] * (wr * wc);
+                let node = &self.nodes[(r0 + r) * stride + c0 + c];
+                sum += node.fixed_rows::<N>(first) * (wr * wc);
             }
         }
         sum
@@ -124,7 +130,7 @@ impl TileGround {
 
     /// Surface point and up vector at a pixel.
     pub(super) fn surface(&self, column: usize, row: usize) -> (Vector3<f64>, Vector3<f64>) {
-        let node = self.interpolate(column as f64, row as f64);
+        let node = self.interpolate_rows::<6>(column as f64, row as f64, 0);
         (node.fixed_rows::<3>(0).into_owned(), node.fixed_rows::<3>(3).into_owned())
     }
 
@@ -164,10 +170,10 @@ impl TileGround {
         let positions: Vec<Geodetic> = wanted
             .iter()
             .map(|(c, r)| {
-                let node = self.interpolate(*c as f64, *r as f64);
+                let node = self.interpolate_rows::<2>(*c as f64, *r as f64, 6);
                 Geodetic {
-                    latitude: Radians::new(node[6]),
-                    longitude: Radians::new(node[7] + self.first_longitude).wrapped(),
+                    latitude: Radians::new(node[0]),
+                    longitude: Radians::new(node[1] + self.first_longitude).wrapped(),
                     height: Metres::new(0.0),
                 }
             })

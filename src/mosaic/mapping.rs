@@ -6,9 +6,10 @@
 //! evaluated exactly at every pixel. So are cells only part of which the lens sees, which makes the edges
 //! of folded lenses, horizons and holes in the terrain exact to the pixel.
 //!
-//! The error of a smooth map is largest at one of the five points. Where the terrain bends inside a cell
-//! the largest error is at most twice the one seen there, and cells start no larger than the terrain's
-//! posting: interpolated positions are within 0.05 px of the exact ones.
+//! The error of a smooth map is largest at one of the five points. A terrain model bends between them: its
+//! heights are looked at about once per posting, and a cell is divided where they leave the plane through
+//! the cell's corners by more than [`BEND_TOLERANCE_PX`] in the frame. A peak of a single post is seen by such
+//! a look to a quarter at least, so interpolated positions are within 0.05 px of the exact ones.
 
 use super::ground::{TerrainIndex, TileGround, raised};
 use super::plan::Window;
@@ -20,6 +21,8 @@ pub(super) const CELL: usize = 16;
 const SMALLEST_CELL: usize = 4;
 /// Half of the 0.05 px that are promised.
 const CHECK_TOLERANCE_PX: f64 = 0.025;
+/// A quarter of them.
+const BEND_TOLERANCE_PX: f64 = 0.0125;
 
 /// A position in a frame, stored pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -135,9 +138,10 @@ impl Mapper<'_> {
 /// image are left out, those that may are kept: the caller still tests each pixel.
 pub(super) fn map_frame(ground: &mut TileGround, frame: &GeoreferencedFrame, part: &Window) -> FrameMap {
     let terrain = ground.terrain(&frame.ground);
-    let start = frame.ground.spacing().map_or(CELL, |spacing| {
+    // Pixels between looks at the terrain's heights; `None` where the surface does not bend.
+    let look = frame.ground.spacing().map(|spacing| {
         let posting_px = spacing / ground.pixel_m;
-        [CELL, CELL / 2, SMALLEST_CELL].into_iter().find(|cell| *cell as f64 <= posting_px).unwrap_or(1)
+        [8, 4, 2].into_iter().find(|step| *step as f64 <= posting_px).unwrap_or(1)
     });
     let size = frame.stored_size();
     let size = (f64::from(size.0), f64::from(size.1));
@@ -152,18 +156,31 @@ pub(super) fn map_frame(ground: &mut TileGround, frame: &GeoreferencedFrame, par
     }
     let mut side = CELL;
     while side >= SMALLEST_CELL {
-        // Cells larger than the terrain's posting are only asked whether the frame is there at all.
-        let may_interpolate = side <= start;
         let nodes = mapper.nodes(&squares, side);
         let mut divided = Vec::new();
+        let mut smooth = Vec::new();
         for (square, nine) in squares.iter().zip(nodes) {
             match nine.verdict(size) {
                 Verdict::Skip => {}
-                Verdict::Interpolate(corners) if may_interpolate => {
-                    map.cells.push(Cell { column: square.0, row: square.1, side, corners })
+                Verdict::Interpolate(corners) => {
+                    smooth.push(Cell { column: square.0, row: square.1, side, corners });
                 }
-                Verdict::Interpolate(_) | Verdict::Divide => divided.push(*square),
+                Verdict::Divide => divided.push(*square),
             }
+        }
+        match look {
+            // At such distances the nine points have looked already.
+            Some(step) if step < side / 2 => {
+                mapper.ground.prepare(terrain, smooth.iter().flat_map(|cell| looks(cell, step)));
+                for cell in smooth {
+                    if mapper.is_flat(&cell, step) {
+                        map.cells.push(cell);
+                    } else {
+                        divided.push((cell.column, cell.row));
+                    }
+                }
+            }
+            _ => map.cells.append(&mut smooth),
         }
         squares = divided;
         if side > SMALLEST_CELL {
@@ -196,7 +213,37 @@ pub(super) fn map_frame(ground: &mut TileGround, frame: &GeoreferencedFrame, par
     map
 }
 
+/// The pixels of a cell at which the terrain is looked at, its far sides included.
+fn looks(cell: &Cell, step: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let (column, row, count) = (cell.column, cell.row, cell.side / step + 1);
+    (0..count * count).map(move |i| (column + i % count * step, row + i / count * step))
+}
+
 impl Mapper<'_> {
+    /// Whether the terrain, at prepared looks, stays as close to the plane through the cell's corners as the
+    /// frame can tell.
+    fn is_flat(&self, cell: &Cell, step: usize) -> bool {
+        let height = |c: usize, r: usize| self.ground.height(self.terrain, cell.column + c, cell.row + r);
+        let side = cell.side;
+        let corners = (height(0, 0), height(side, 0), height(0, side), height(side, side));
+        let (Some(ul), Some(ur), Some(ll), Some(lr)) = corners else { return false };
+        let mut bend = 0.0_f64;
+        for (c, r) in looks(cell, step) {
+            let (c, r) = (c - cell.column, r - cell.row);
+            let Some(h) = height(c, r) else { return false };
+            let (x, y) = (c as f64 / side as f64, r as f64 / side as f64);
+            let plane = (1.0 - y) * (ul + x * (ur - ul)) + y * (ll + x * (lr - ll));
+            bend = bend.max((h - plane).abs());
+        }
+        // How far a metre of height moves the pixel.
+        let raised_by = |metres: f64| {
+            let surface = self.ground.surface(cell.column, cell.row);
+            self.frame.pixel_from_ecef(&raised(&surface, ul + metres))
+        };
+        let (Some(low), Some(high)) = (raised_by(0.0), raised_by(1.0)) else { return false };
+        bend * (high.column - low.column).hypot(high.row - low.row) <= BEND_TOLERANCE_PX
+    }
+
     /// Exact positions at the nine points of each square; a point that squares share is evaluated once.
     fn nodes(&mut self, squares: &[(usize, usize)], side: usize) -> Vec<Nine> {
         let half = side / 2;

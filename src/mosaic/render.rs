@@ -22,7 +22,8 @@ pub struct FrameFailure {
 
 /// Where the pixels of the frames come from.
 pub trait FrameSource: Sync {
-    /// The stored pixels of a frame of the plan, with as many channels as the plan has.
+    /// The stored pixels of a frame of the plan: of one channel for a grey plan, padded for a coloured one (see
+    /// [`Image8::into_padded`]).
     ///
     /// # Errors
     /// [`FrameFailure`] when the image cannot be decoded or is not the image that was planned.
@@ -71,6 +72,44 @@ impl TilePixels {
         let pixels = window.width * window.height;
         Self { window, planes: vec![vec![0; pixels]; channels], alpha: vec![0; pixels], frames: Vec::new() }
     }
+    /// The tile at half the resolution: colours are averaged over what is seen, and the transparency says how much
+    /// that is. Its window counts pixels of the halved mosaic; it is exact while the tile's corner is even.
+    #[must_use]
+    pub fn halved(&self) -> Self {
+        let Window { column, row, width, height } = self.window;
+        let window =
+            Window { column: column / 2, row: row / 2, width: width.div_ceil(2), height: height.div_ceil(2) };
+        let mut half = Self::transparent(window, self.planes.len());
+        half.frames.clone_from(&self.frames);
+        for r in 0..window.height {
+            // An odd last column or row is taken twice, which is the mean of what exists.
+            let (upper, lower) = (2 * r * width, (2 * r + 1).min(height - 1) * width);
+            let four_of = |plane: &[u8], c: usize| -> [u32; 4] {
+                let (left, right) = (2 * c, (2 * c + 1).min(width - 1));
+                [upper + left, upper + right, lower + left, lower + right].map(|i| u32::from(plane[i]))
+            };
+            let to = r * window.width;
+            for c in 0..window.width {
+                let alpha = four_of(&self.alpha, c);
+                let seen: u32 = alpha.iter().sum();
+                half.alpha[to + c] = ((seen + 2) / 4) as u8;
+                for (plane, whole) in half.planes.iter_mut().zip(&self.planes) {
+                    let values = four_of(whole, c);
+                    plane[to + c] = match seen {
+                        0 => 0,
+                        // All opaque, the usual case.
+                        1020 => ((values.iter().sum::<u32>() + 2) / 4) as u8,
+                        _ => {
+                            let sum: u32 = values.iter().zip(alpha).map(|(v, a)| v * a).sum();
+                            ((sum + seen / 2) / seen) as u8
+                        }
+                    };
+                }
+            }
+        }
+        half
+    }
+
     /// True when nothing is seen anywhere.
     #[must_use]
     pub fn is_transparent(&self) -> bool {
@@ -96,7 +135,7 @@ pub fn render_tile(
     }
     match plan.channels {
         1 => render::<1>(plan, tile, source),
-        _ => render::<3>(plan, tile, source),
+        _ => render::<4>(plan, tile, source),
     }
 }
 
@@ -125,7 +164,8 @@ fn render<const CH: usize>(
             pyramid: &pyramid,
             plan,
             part,
-            weight: &plan.frames[index].weight,
+            // A frame alone is shown as it is.
+            weight: (plan.frames.len() > 1).then_some(plan.frames[index].weight.as_ref()),
             size: frame.stored_size(),
         };
         canvas.painted = false;
@@ -154,7 +194,7 @@ fn checked(
     let image = pyramid.base();
     let (width, height) = frame.stored_size();
     if (image.width(), image.height()) != (width as usize, height as usize)
-        || image.channels() != plan.channels
+        || image.channels() != stored_channels(plan.channels)
     {
         return Err(FrameFailure {
             frame: index,
@@ -164,11 +204,17 @@ fn checked(
                 image.width(),
                 image.height(),
                 image.channels(),
-                plan.channels
+                stored_channels(plan.channels)
             ),
         });
     }
     Ok(pyramid)
+}
+
+/// Channels of the decoded frames of a plan: colour is padded.
+#[must_use]
+pub const fn stored_channels(channels: usize) -> usize {
+    if channels == 1 { 1 } else { 4 }
 }
 
 /// The tile while frames are laid onto it.
@@ -223,22 +269,33 @@ impl<const CH: usize> Canvas<CH> {
     }
 
     fn finish(self, window: Window, frames: Vec<usize>) -> TilePixels {
-        let pixels = self.width * self.height;
-        let mut planes = vec![vec![0_u8; pixels]; CH];
-        let mut alpha = vec![0_u8; pixels];
-        for (i, (value, weight)) in self.values.iter().zip(&self.weights).enumerate() {
-            if *weight > 0.0 {
-                let divisor = match self.blend {
-                    Blend::Feather => 1.0 / weight,
-                    Blend::None => 1.0,
-                };
-                for (plane, v) in planes.iter_mut().zip(value) {
+        let factors: Vec<f32> = self
+            .weights
+            .iter()
+            .map(|weight| match self.blend {
+                _ if *weight == 0.0 => 0.0,
+                Blend::Feather => 1.0 / weight,
+                Blend::None => 1.0,
+            })
+            .collect();
+        // The fourth channel only pads.
+        let mut planes = vec![vec![0_u8; self.values.len()]; CH.min(3)];
+        let mut row = vec![[0_u8; CH]; self.width];
+        for (r, values) in self.values.chunks_exact(self.width).enumerate() {
+            let at = r * self.width..(r + 1) * self.width;
+            for ((bytes, value), factor) in row.iter_mut().zip(values).zip(&factors[at.clone()]) {
+                for k in 0..CH {
                     // `as` saturates; half up.
-                    plane[i] = (v * divisor + 0.5) as u8;
+                    bytes[k] = (value[k] * factor + 0.5) as u8;
                 }
-                alpha[i] = 255;
+            }
+            for (k, plane) in planes.iter_mut().enumerate() {
+                for (to, bytes) in plane[at.clone()].iter_mut().zip(&row) {
+                    *to = bytes[k];
+                }
             }
         }
+        let alpha = self.weights.iter().map(|w| if *w > 0.0 { 255 } else { 0 }).collect();
         TilePixels { window, planes, alpha, frames }
     }
 }
@@ -249,7 +306,7 @@ struct Painter<'a> {
     plan: &'a MosaicPlan,
     /// The part of the tile that the frame reaches, in pixels of the tile.
     part: Window,
-    weight: &'a EdgeWeight,
+    weight: Option<&'a EdgeWeight>,
     size: (u32, u32),
 }
 
@@ -288,7 +345,7 @@ impl Painter<'_> {
             let values = &mut values[..end - first];
             sample_run(image, self.plan.kernel, run.at_level(level), well_inside, values);
             let weights = &mut weights[..end - first];
-            self.weight.along(&run, weights);
+            self.weigh(&run, weights);
             if !all_valid {
                 for (i, weight) in weights.iter_mut().enumerate() {
                     let i = i as f64;
@@ -321,8 +378,15 @@ impl Painter<'_> {
         let run = run_to(*at, *at, 1.0);
         let image = self.pyramid.level(level);
         sample_run(image, self.plan.kernel, run.at_level(level), false, &mut value);
-        self.weight.along(&run, &mut weight);
+        self.weigh(&run, &mut weight);
         canvas.add(row * canvas.width + column, &value, &weight);
+    }
+
+    fn weigh(&self, run: &Run, weights: &mut [f32]) {
+        match self.weight {
+            Some(weight) => weight.along(run, weights),
+            None => weights.fill(1.0),
+        }
     }
 
     /// Within half a pixel of a pixel centre, as [`crate::camera::Camera::contains`].

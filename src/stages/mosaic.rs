@@ -5,13 +5,14 @@ use super::georeference::{Georeferenced, RejectedFrame};
 use crate::config::mosaic::{Blend as DeclaredBlend, Mosaic, MosaicSpec, Resampling};
 use crate::config::{Config, Located};
 use crate::formats::geotiff::{
-    ColourWriter, Encoding, GDAL_CACHE, GeotiffError, RasterDescription, png, read_preview, set_up,
+    ColourWriter, Encoding, GDAL_CACHE, GeotiffError, RasterDescription, ReducedTile, png, read_preview,
+    set_up,
 };
 use crate::formats::photo::{self, PhotoHeader, PhotoStore};
 use crate::georeference::GeoreferencedFrame;
 use crate::mosaic::{
     Blend, FrameFailure, FrameSource, MapBounds, MosaicPlan, PlanError, PlanSettings, RenderError,
-    ScheduleError, TILE, TilePixels, automatic_gsd_m, render_all, render_tile,
+    ScheduleError, TILE, TilePixels, automatic_gsd_m, render_all, render_tile, stored_channels,
 };
 use crate::raster::Kernel;
 use rayon::prelude::*;
@@ -227,16 +228,16 @@ fn ortho(
     store.frame(0)?;
     let plan = MosaicPlan::new(vec![frame], Arc::new(survey.projection.clone()), settings)
         .map_err(|e| unplannable(config, declared, e))?;
-    let mut writer = writer(survey, &plan, path)?;
+    let mut writer = writer(survey, &plan, path, encoding(declared, 1))?;
     for tile in plan.order() {
         let tile = render_tile(&plan, tile, &store).map_err(|e| render_failed(config, declared, e))?;
-        writer.write(tile).map_err(unwritable)?;
+        writer.write(ReducedTile::new(tile, writer.levels())).map_err(unwritable)?;
     }
     let metadata = vec![
         ("BORESIGHT_FRAME".to_owned(), name),
         ("BORESIGHT_INPUT_HASH".to_owned(), input_hash(&plan, &store)),
     ];
-    writer.finish(encoding(declared, 1), &metadata).map_err(unwritable)?;
+    writer.finish(&metadata).map_err(unwritable)?;
     Ok(())
 }
 
@@ -255,6 +256,9 @@ fn without_table() -> Mosaic {
         bounds: None,
     }
 }
+
+/// The program itself with its libraries, and a photo's file while it is decoded, bytes.
+const PROGRAM: usize = 96 << 20;
 
 /// What ends the rendering of a plan.
 enum Failure {
@@ -293,7 +297,7 @@ fn render(
     context: &RunContext,
 ) -> Result<Rendered, Failure> {
     let threads = rayon::current_num_threads();
-    let overhead = threads * tile_bytes(plan.channels) + GDAL_CACHE;
+    let overhead = threads * tile_bytes(plan.channels) + GDAL_CACHE + PROGRAM;
     let budget = declared.memory_bytes.value as usize;
     let largest = plan.frames.iter().map(|f| decoded_bytes(&f.frame, plan.channels)).max().unwrap_or(0);
     // Below one photo per thread the store would only decode the same photos over and over.
@@ -312,19 +316,23 @@ fn render(
     let store = PhotoStore::new(paths, plan.channels, ceiling);
     let mut rendered =
         Rendered { opaque_px: 0, tiles_with_content: 0, frames: BTreeSet::new(), input_hash: String::new() };
-    let mut writer = writer(survey, plan, path)?;
+    let mut writer = writer(survey, plan, path, encoding(declared, threads))?;
+    let levels = writer.levels();
     let task = context.task("rendering tiles", plan.tiles.len());
-    let sink = |tile: TilePixels| -> Result<(), StageError> {
-        context.check_interrupted()?;
+    let prepare = |tile: TilePixels| {
         let opaque = tile.alpha.iter().filter(|a| **a != 0).count();
+        (opaque, tile.frames.clone(), ReducedTile::new(tile, levels))
+    };
+    let sink = |(opaque, frames, tile): (usize, Vec<usize>, ReducedTile)| -> Result<(), StageError> {
+        context.check_interrupted()?;
         rendered.opaque_px += opaque as u64;
         rendered.tiles_with_content += usize::from(opaque > 0);
-        rendered.frames.extend(tile.frames.iter().copied());
+        rendered.frames.extend(frames);
         writer.write(tile).map_err(unwritable)?;
         task.advance(1);
         Ok(())
     };
-    render_all(plan, &store, sink).map_err(|e| match e {
+    render_all(plan, &store, prepare, sink).map_err(|e| match e {
         ScheduleError::Sink(error) => Failure::Stage(error),
         ScheduleError::Render(error) => render_failed(config, declared, error),
     })?;
@@ -336,7 +344,7 @@ fn render(
         ("BORESIGHT_FRAMES".to_owned(), rendered.frames.len().to_string()),
         ("BORESIGHT_INPUT_HASH".to_owned(), rendered.input_hash.clone()),
     ];
-    writer.finish(encoding(declared, threads), &metadata).map_err(unwritable)?;
+    writer.finish(&metadata).map_err(unwritable)?;
     task.advance(1);
     Ok(rendered)
 }
@@ -425,7 +433,12 @@ fn undecodable(
         .collect()
 }
 
-fn writer(survey: &Georeferenced, plan: &MosaicPlan, path: &Path) -> Result<ColourWriter, StageError> {
+fn writer(
+    survey: &Georeferenced,
+    plan: &MosaicPlan,
+    path: &Path,
+    encoding: Encoding,
+) -> Result<ColourWriter, StageError> {
     let description = RasterDescription {
         grid: plan.grid,
         wkt: survey.projection.wkt().to_owned(),
@@ -434,7 +447,8 @@ fn writer(survey: &Georeferenced, plan: &MosaicPlan, path: &Path) -> Result<Colo
             ("BORESIGHT_GSD_M".to_owned(), plan.gsd_m.to_string()),
         ],
     };
-    ColourWriter::create(path, plan.width, plan.height, plan.channels, &description).map_err(unwritable)
+    ColourWriter::create(path, (plan.width, plan.height), plan.channels, &description, encoding)
+        .map_err(unwritable)
 }
 
 /// BLAKE3 over everything the pixels depend on.
@@ -462,12 +476,12 @@ fn input_hash(plan: &MosaicPlan, store: &PhotoStore) -> String {
 /// A decoded frame with its reductions.
 fn decoded_bytes(frame: &GeoreferencedFrame, channels: usize) -> usize {
     let (width, height) = frame.stored_size();
-    width as usize * height as usize * channels / 3 * 4
+    width as usize * height as usize * stored_channels(channels) / 3 * 4
 }
 
-/// What rendering one tile holds: sums and weights, the finished planes, the lattice and terrain heights.
+/// What rendering one tile holds: sums and weights, the finished planes with their reductions, terrain heights.
 const fn tile_bytes(channels: usize) -> usize {
-    TILE * TILE * (4 * (channels + 1) + channels + 1 + 8 + 40)
+    TILE * TILE * (4 * (stored_channels(channels) + 1) + 2 * (channels + 1) + 8)
 }
 
 fn none_left(rejected: &BTreeMap<String, String>) -> StageError {

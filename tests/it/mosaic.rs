@@ -373,6 +373,28 @@ fn a_folder_that_cannot_be_written_to_is_named() {
 }
 
 #[test]
+#[cfg(unix)]
+fn a_full_disk_is_an_error_and_leaves_the_old_mosaic() {
+    let survey = Survey::new();
+    let before = std::fs::read(survey.run(&[]).unwrap().raster).unwrap();
+    survey.config(&[]);
+    // No file may grow beyond 32 KiB, and the signal that says so is ignored: writing fails as on a full disk.
+    let run = Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 64; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_boresight")])
+        .args(["run", "--until", "mosaic", "--force", "--output"])
+        .arg(survey.output())
+        .arg(survey.folder.path().join("pipeline.toml"))
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert_eq!(run.status.code(), Some(6), "{words}");
+    assert!(words.contains("mosaic.tif"), "{words}");
+    assert!(std::fs::read(survey.output().join("mosaic/mosaic.tif")).unwrap() == before);
+    let left = std::fs::read_dir(survey.output().join("mosaic")).unwrap().count();
+    assert_eq!(left, 3, "temporary files stayed");
+}
+
+#[test]
 fn orthos_lie_on_the_mosaic_s_grid_and_show_one_frame_each() {
     let survey = Survey::new();
     let product = survey.run(&[]).unwrap();

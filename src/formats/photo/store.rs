@@ -38,7 +38,7 @@ struct Ledger {
 
 impl PhotoStore {
     /// - `paths`: the photos in the order of the plan's frames.
-    /// - `channels`: 1 or 3; grey photos of a colour mosaic get three equal channels.
+    /// - `channels`: 1 for a grey mosaic, 3 for a coloured one, whose photos are padded.
     /// - `ceiling`: bytes of decoded photos to keep.
     #[must_use]
     pub fn new(paths: Vec<PathBuf>, channels: usize, ceiling: usize) -> Self {
@@ -78,7 +78,7 @@ impl PhotoStore {
         photo.hash.get_or_init(|| blake3::hash(&bytes));
         Ok(ImagePyramid::new(match self.channels {
             1 => image,
-            _ => image.into_rgb(),
+            _ => image.into_padded(),
         }))
     }
 
