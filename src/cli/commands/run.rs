@@ -1,7 +1,7 @@
 //! `run`: a pipeline from beginning to end, then where to find what it made.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -66,6 +66,21 @@ pub fn skipped(absent: &[(PathBuf, String)], as_json: bool) -> Result<ExitClass,
     Ok(ExitClass::Done)
 }
 
+/// A path without the detour `pipelines/../out`, for reading. Only for show: where `pipelines` is a symbolic link the
+/// two differ.
+fn shown(path: &Path) -> PathBuf {
+    let mut short = PathBuf::new();
+    for part in path.components() {
+        match (part, short.components().next_back()) {
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                short.pop();
+            }
+            _ => short.push(part),
+        }
+    }
+    short
+}
+
 fn finished(folder: &Path, manifest: &Manifest, as_json: bool) -> Result<(), StageError> {
     let highlights: Vec<(&str, PathBuf)> = HIGHLIGHTS
         .into_iter()
@@ -87,9 +102,9 @@ fn finished(folder: &Path, manifest: &Manifest, as_json: bool) -> Result<(), Sta
     }
     let mut text = String::new();
     for (name, path) in &highlights {
-        let _ = writeln!(text, "{name:<9} {}", path.display());
+        let _ = writeln!(text, "{name:<9} {}", shown(path).display());
     }
-    let _ = writeln!(text, "{:<9} {}", "folder", folder.display());
+    let _ = writeln!(text, "{:<9} {}", "folder", shown(folder).display());
     for (frame, reason) in rejected {
         let _ = writeln!(text, "{:<9} {frame}: {reason}", "rejected");
     }
