@@ -275,10 +275,11 @@ pub fn write_float(
         let mut dataset = DriverManager::get_driver_by_name("MEM")?
             .create_with_band_type::<f32, _>("", size.0, size.1, 1)?;
         describe(&mut dataset, description)?;
-        let mut band = dataset.rasterband(1)?;
-        band.set_no_data_value(Some(f64::NAN))?;
-        band.write((0, 0), size, &mut Buffer::new(size, raster.samples().to_vec()))?;
-        drop(band);
+        {
+            let mut band = dataset.rasterband(1)?;
+            band.set_no_data_value(Some(f64::NAN))?;
+            band.write((0, 0), size, &mut Buffer::new(size, raster.samples().to_vec()))?;
+        }
         Ok(dataset)
     })
     .map_err(write_failed(target))?;

@@ -236,7 +236,9 @@ fn by_name(
             _ => row.to_owned(),
         }
     };
-    let mut rows: BTreeMap<String, Vec<(u64, Result<NavigationRecord, String>)>> = BTreeMap::new();
+    /// A row's line and what it says.
+    type Said = (u64, Result<NavigationRecord, String>);
+    let mut rows: BTreeMap<String, Vec<Said>> = BTreeMap::new();
     for (row, record) in records {
         let image = image_of(row.frame.as_deref().unwrap_or_default());
         rows.entry(image).or_default().push((row.line, Ok(record)));

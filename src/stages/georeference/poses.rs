@@ -76,6 +76,12 @@ pub(super) fn needs_geoid(declared: &Georeference) -> bool {
     log || ground
 }
 
+/// Answers for ground heights under positions, in order: metres above the ellipsoid, or why there is none.
+pub(super) type HeightsUnder<'a> = &'a dyn Fn(&[Geodetic]) -> Vec<Result<f64, String>>;
+
+/// Rows with their records, in the log's order.
+pub(super) type Records = Vec<(LogRow, NavigationRecord)>;
+
 /// Turns every usable row into a record; a row that turns out unusable joins the bad ones.
 ///
 /// `ground` is asked only for heights above ground.
@@ -87,8 +93,8 @@ pub(super) fn records(
     table: LogTable,
     product_crs: impl FnOnce(&Geodetic) -> Result<Projection, InputError>,
     geoid: &Geoid,
-    ground: &dyn Fn(&[Geodetic]) -> Vec<Result<f64, String>>,
-) -> Result<(Vec<(LogRow, NavigationRecord)>, Vec<BadRow>), InputError> {
+    ground: HeightsUnder<'_>,
+) -> Result<(Records, Vec<BadRow>), InputError> {
     let LogTable { rows, mut bad } = table;
     let file = &declared.log.file;
     let mut placed = places(declared, rows, &mut bad)?;
