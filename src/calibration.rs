@@ -1,11 +1,11 @@
-//! Camera calibration from photos of a planar target of black squares.
+//! Camera calibration from photos of a planar target.
 //!
 //! ```text
 //! photo ──detect──▶ corners (blunt, refined, sharp) ──zhang──▶ closed-form start ──solve──▶ Calibration
 //! ```
 //!
-//! [`detect`] finds the squares, puts them on the target's lattice and locates their corners in the
-//! paper's three steps; [`calibrate`] takes the corners of three or more views to the ten interior
+//! [`detect`] finds the target's points, puts them on its lattice and locates them in the paper's three
+//! steps; [`calibrate`] takes the corners of three or more views to the ten interior
 //! parameters, one pose per view and their covariance. Nothing here reads a file.
 //!
 //! # Source
@@ -13,11 +13,7 @@
 
 mod detect;
 mod grey;
-mod lattice;
-mod localise;
 mod product;
-mod quads;
-mod sharp;
 mod solve;
 mod target;
 mod zhang;
@@ -25,9 +21,11 @@ mod zhang;
 #[cfg(test)]
 mod rendered;
 
-pub use detect::{DetectError, DetectedCorner, Detection, MarkerSeen, detect};
+pub use detect::{DetectError, DetectedCorner, Detection, LatticeError, MarkerSeen, count, detect};
 pub use grey::{Grey, GreyError};
 pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
 pub use solve::{CalibrationError, Lens, LensModel, calibrate};
-pub use target::{Board, BoardPoint, Marker, Observation, SquaresTarget, TargetError};
+pub use target::{
+    Board, BoardPoint, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError, TargetPoint,
+};
 pub use zhang::{ClosedForm, StartError};

@@ -1,7 +1,7 @@
 //! Photos of the target drawn from a known camera and pose, for tests: area sampling, blur, noise.
 
 use super::grey::Grey;
-use super::target::{BoardPoint, Observation, SquaresTarget};
+use super::target::{BoardPoint, Observation, SquaresTarget, TargetPoint};
 use super::zhang::BoardPose;
 use crate::camera::{Brown, ImagePoint};
 use crate::units::Radians;
@@ -61,9 +61,7 @@ pub(super) fn observe(
     target
         .points()
         .into_iter()
-        .enumerate()
-        .map(|(i, board)| {
-            let growth = SquaresTarget::growth(i % 4);
+        .map(|TargetPoint { board, growth, .. }| {
             let p = see(brown, pose, board);
             let pixel = ImagePoint::new(p.column + normal.sample(random), p.row + normal.sample(random));
             Observation { board, growth, pixel }

@@ -1,10 +1,14 @@
-//! The planar target: an n × m lattice of separated black squares on a light board.
+//! The planar targets: which points of the board can be found in a photo, and what is printed on it.
+
+mod squares;
+
+pub use squares::{Marker, SquaresTarget};
 
 use crate::camera::ImagePoint;
 use crate::geometry::Frame;
 
-/// The target's own frame: origin at the upper left corner of the upper left square, x right and y down
-/// over the board as it is read, z into the board; metres.
+/// The target's own frame: x right and y down over the board as it is read, z into the board; metres. Each
+/// kind of target says where its origin is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Board;
 
@@ -26,182 +30,182 @@ pub struct BoardPoint {
 pub struct Observation {
     /// Where the point is on the board.
     pub board: BoardPoint,
-    /// How the point moves when squares are larger than declared: m per m of side. Zero when it does not.
+    /// How the point moves when what is printed dark is larger than declared: m per m of side. Zero when it
+    /// does not.
     pub growth: BoardPoint,
     /// Where it was seen.
     pub pixel: ImagePoint,
 }
 
-/// What tells the target's upper left corner from the other three.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Marker {
-    /// Nothing. Views are then assumed not mirrored, and the target's upper left is taken to be the
-    /// lattice corner nearest to the image's upper left corner. Turning the board by such a symmetry moves
-    /// the board's frame, not the camera's parameters.
-    None,
-    /// The upper left square is hollow (light inside a black outline) or left out. Its corners are not
-    /// used for calibration.
-    UpperLeft,
+/// A point of a target that calibration uses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TargetPoint {
+    /// Row of the square, inner corner, tag or circle, from 0 at the top.
+    pub row: usize,
+    /// Column of it, from 0 at the left.
+    pub column: usize,
+    /// Corner of the square or tag: 0 upper left, 1 upper right, 2 lower right, 3 lower left; 0 for others.
+    pub corner: usize,
+    /// Where it is on the board.
+    pub board: BoardPoint,
+    /// See [`Observation::growth`].
+    pub growth: BoardPoint,
+}
+
+/// Something printed on the board.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ink {
+    /// Its outline.
+    pub shape: Shape,
+    /// Black; white otherwise (printed over black).
+    pub dark: bool,
+}
+
+/// An outline on the board, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A rectangle along the board's axes.
+    Rectangle {
+        /// Upper left corner.
+        from: BoardPoint,
+        /// Lower right corner.
+        to: BoardPoint,
+    },
+    /// A circular disc.
+    Disc {
+        /// Its centre.
+        centre: BoardPoint,
+        /// Its radius.
+        radius_m: f64,
+    },
+}
+
+impl Shape {
+    /// A square from its upper left corner and side.
+    #[must_use]
+    pub const fn square(x_m: f64, y_m: f64, side_m: f64) -> Self {
+        Self::Rectangle {
+            from: BoardPoint { x_m, y_m },
+            to: BoardPoint { x_m: x_m + side_m, y_m: y_m + side_m },
+        }
+    }
+    /// Whether a point lies in it.
+    #[must_use]
+    pub fn contains(&self, p: BoardPoint) -> bool {
+        match self {
+            Self::Rectangle { from, to } => {
+                p.x_m >= from.x_m && p.y_m >= from.y_m && p.x_m < to.x_m && p.y_m < to.y_m
+            }
+            Self::Disc { centre, radius_m } => f64::hypot(p.x_m - centre.x_m, p.y_m - centre.y_m) < *radius_m,
+        }
+    }
+    /// Upper left and lower right corners of the box around it.
+    #[must_use]
+    pub fn bounds(&self) -> (BoardPoint, BoardPoint) {
+        match *self {
+            Self::Rectangle { from, to } => (from, to),
+            Self::Disc { centre, radius_m: r } => (
+                BoardPoint { x_m: centre.x_m - r, y_m: centre.y_m - r },
+                BoardPoint { x_m: centre.x_m + r, y_m: centre.y_m + r },
+            ),
+        }
+    }
 }
 
 /// Why a description is no target.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TargetError {
-    /// Fewer than two rows or columns of squares.
-    #[error("the target has {rows} × {columns} squares, at least 2 × 2 are needed")]
-    TooFewSquares {
-        /// Rows of squares.
+    /// Too few rows or columns.
+    #[error("the target has {rows} × {columns} {what}, at least {least} × {least} are needed")]
+    TooFew {
+        /// What is counted, for example `squares`.
+        what: &'static str,
+        /// Rows of them.
         rows: usize,
-        /// Columns of squares.
+        /// Columns of them.
         columns: usize,
+        /// Rows and columns needed.
+        least: usize,
     },
     /// More rows or columns than any printed target has.
-    #[error("the target has {rows} × {columns} squares, at most 100 × 100 can be found")]
-    TooManySquares {
-        /// Rows of squares.
+    #[error("the target has {rows} × {columns} {what}, at most 100 × 100 can be found")]
+    TooMany {
+        /// What is counted.
+        what: &'static str,
+        /// Rows of them.
         rows: usize,
-        /// Columns of squares.
+        /// Columns of them.
         columns: usize,
     },
     /// A length is not a positive number.
     #[error("the target's {what} is {metres} m, it must be positive")]
     Length {
-        /// `square` or `gap`.
+        /// For example `square` or `gap`.
         what: &'static str,
         /// What was given.
         metres: f64,
     },
 }
 
-/// An n × m lattice of separated black squares.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SquaresTarget {
-    rows: usize,
-    columns: usize,
-    side_m: f64,
-    gap_m: f64,
-    marker: Marker,
+/// A target of any kind.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Target {
+    /// Separated black squares: the paper's.
+    Squares(SquaresTarget),
 }
 
-impl SquaresTarget {
-    /// From the number of squares, the side of a square and the gap between neighbours, metres.
+impl Target {
+    /// What its rows and columns count.
+    #[must_use]
+    pub const fn unit(&self) -> &'static str {
+        match self {
+            Self::Squares(_) => "squares",
+        }
+    }
+    /// Rows and columns of [`Self::unit`].
+    #[must_use]
+    pub const fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Squares(t) => (t.rows(), t.columns()),
+        }
+    }
+    /// The same target with other numbers of rows and columns.
     ///
     /// # Errors
     /// [`TargetError`].
-    pub fn new(
-        rows: usize,
-        columns: usize,
-        side_m: f64,
-        gap_m: f64,
-        marker: Marker,
-    ) -> Result<Self, TargetError> {
-        if rows < 2 || columns < 2 {
-            return Err(TargetError::TooFewSquares { rows, columns });
-        }
-        if rows > 100 || columns > 100 {
-            return Err(TargetError::TooManySquares { rows, columns });
-        }
-        for (what, metres) in [("square", side_m), ("gap", gap_m)] {
-            if !(metres.is_finite() && metres > 0.0) {
-                return Err(TargetError::Length { what, metres });
-            }
-        }
-        Ok(Self { rows, columns, side_m, gap_m, marker })
+    pub fn resized(&self, rows: usize, columns: usize) -> Result<Self, TargetError> {
+        Ok(match self {
+            Self::Squares(t) => Self::Squares(t.resized(rows, columns)?),
+        })
     }
-
-    /// The target of the paper: 7 × 7 squares, side and gap 15.7 mm, the upper left one hollow.
-    ///
-    /// # Source
-    /// Hemerly (2014), section 2.
+    /// All points that calibration uses, row by row.
     #[must_use]
-    pub const fn paper() -> Self {
-        Self { rows: 7, columns: 7, side_m: 0.0157, gap_m: 0.0157, marker: Marker::UpperLeft }
-    }
-
-    /// Rows of squares.
-    #[must_use]
-    pub const fn rows(&self) -> usize {
-        self.rows
-    }
-    /// Columns of squares.
-    #[must_use]
-    pub const fn columns(&self) -> usize {
-        self.columns
-    }
-    /// Side of a square, metres.
-    #[must_use]
-    pub const fn side_m(&self) -> f64 {
-        self.side_m
-    }
-    /// What tells the upper left corner.
-    #[must_use]
-    pub const fn marker(&self) -> Marker {
-        self.marker
-    }
-    /// Distance between neighbouring squares' centres as a multiple of the side.
-    #[must_use]
-    pub fn pitch_in_sides(&self) -> f64 {
-        (self.side_m + self.gap_m) / self.side_m
-    }
-    /// True when the corners of this square are calibration points: all but the marker's.
-    #[must_use]
-    pub fn is_used(&self, row: usize, column: usize) -> bool {
-        row < self.rows
-            && column < self.columns
-            && !(self.marker == Marker::UpperLeft && row == 0 && column == 0)
-    }
-    /// Squares whose corners are calibration points.
-    #[must_use]
-    pub fn used_squares(&self) -> usize {
-        self.rows * self.columns - usize::from(self.marker == Marker::UpperLeft)
-    }
-    /// Corner of a square: 0 upper left, 1 upper right, 2 lower right, 3 lower left (modulo 4).
-    #[must_use]
-    pub fn corner(&self, row: usize, column: usize, corner: usize) -> BoardPoint {
-        let pitch = self.side_m + self.gap_m;
-        let (right, down) = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)][corner % 4];
-        BoardPoint {
-            x_m: column as f64 * pitch + right * self.side_m,
-            y_m: row as f64 * pitch + down * self.side_m,
+    pub fn points(&self) -> Vec<TargetPoint> {
+        match self {
+            Self::Squares(t) => t.points(),
         }
     }
-    /// How a corner moves when the squares are larger than declared, about their centres: m per m of side.
+    /// What is printed, in printing order: what comes later covers what came before.
     #[must_use]
-    pub fn growth(corner: usize) -> BoardPoint {
-        let (x_m, y_m) = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)][corner % 4];
-        BoardPoint { x_m, y_m }
-    }
-    /// All calibration points, row by row, square by square, clockwise from each upper left corner.
-    #[must_use]
-    pub fn points(&self) -> Vec<BoardPoint> {
-        let mut points = Vec::with_capacity(4 * self.used_squares());
-        for row in 0..self.rows {
-            for column in (0..self.columns).filter(|&column| self.is_used(row, column)) {
-                points.extend((0..4).map(|corner| self.corner(row, column, corner)));
-            }
+    pub fn ink(&self) -> Vec<Ink> {
+        match self {
+            Self::Squares(t) => t.ink(),
         }
-        points
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_papers_target_has_192_points() {
-        let target = SquaresTarget::paper();
-        assert_eq!(target.points().len(), 192);
-        let last = target.corner(6, 6, 2);
-        assert!((last.x_m - 13.0 * 0.0157).abs() < 1e-15 && last.x_m == last.y_m);
+/// Checks numbers of rows and columns.
+fn checked_size(what: &'static str, rows: usize, columns: usize, least: usize) -> Result<(), TargetError> {
+    if rows < least || columns < least {
+        return Err(TargetError::TooFew { what, rows, columns, least });
     }
-
-    #[test]
-    fn impossible_targets_are_refused() {
-        let new = |rows, side| SquaresTarget::new(rows, 4, side, 0.03, Marker::None);
-        assert!(matches!(new(1, 0.03), Err(TargetError::TooFewSquares { .. })));
-        assert!(matches!(new(101, 0.03), Err(TargetError::TooManySquares { .. })));
-        assert!(matches!(new(3, f64::NAN), Err(TargetError::Length { .. })));
-        assert!(new(3, 0.03).is_ok());
+    if rows > 100 || columns > 100 {
+        return Err(TargetError::TooMany { what, rows, columns });
     }
+    Ok(())
+}
+
+/// Checks that a length is positive.
+fn checked_length(what: &'static str, metres: f64) -> Result<(), TargetError> {
+    if metres.is_finite() && metres > 0.0 { Ok(()) } else { Err(TargetError::Length { what, metres }) }
 }

@@ -8,11 +8,12 @@ use super::georeference::failed;
 use crate::calibration::{BoardPoint, PointResidual};
 use crate::calibration::{
     Calibration, CalibrationError, ClosedForm, DetectedCorner, Detection, Grey, Lens, LensModel, Marker,
-    MarkerSeen, Observation, SquaresTarget, StartError, ViewPoints, calibrate, detect,
+    MarkerSeen, Observation, SquaresTarget, StartError, Target, ViewPoints, calibrate, detect,
 };
 use crate::camera::{Camera, INTERIOR_NAMES, ImagePoint};
 use crate::config::calibrate::{
-    CameraSource, HollowSquare, LensModel as DeclaredLens, ModelSpec, Target, TargetCorners, TargetPhotos,
+    CameraSource, HollowSquare, LensModel as DeclaredLens, ModelSpec, Target as DeclaredTarget,
+    TargetCorners, TargetPhotos,
 };
 use crate::config::{Config, Located};
 use crate::formats::camera::{camera_json, camera_opencv_yaml, read_camera};
@@ -188,13 +189,14 @@ fn lens_model(declared: ModelSpec, side: bool) -> LensModel {
     LensModel { lens, skew: declared.skew, side }
 }
 
-fn squares_target(declared: &Target) -> Result<SquaresTarget, StageError> {
+fn squares_target(declared: &DeclaredTarget) -> Result<Target, StageError> {
     let marker = match declared.hollow {
         HollowSquare::UpperLeft => Marker::UpperLeft,
         HollowSquare::None => Marker::None,
     };
     let (rows, columns) = (declared.rows as usize, declared.columns as usize);
     SquaresTarget::new(rows, columns, declared.square_m, declared.gap_m, marker)
+        .map(Target::Squares)
         .map_err(|e| StageError::pipeline(format!("[calibrate.target]: {e}")))
 }
 
@@ -211,7 +213,7 @@ fn grey(image: &Image8) -> Vec<f32> {
 }
 
 /// What one photo gave: its size and corners, or why it is not used.
-fn look_at(file: &Path, target: &SquaresTarget) -> Result<(usize, usize, Detection), String> {
+fn look_at(file: &Path, target: &Target) -> Result<(usize, usize, Detection), String> {
     let image = photo::decode(file).map_err(|e| e.cause)?;
     let (width, height) = (image.width(), image.height());
     let detection = Grey::new(width, height, grey(&image))
@@ -374,8 +376,8 @@ fn corners_csv(made: &Calibrated, calibration: &Calibration) -> Result<Vec<u8>, 
         .write_record([
             "file",
             "point",
-            "square_row",
-            "square_column",
+            "row",
+            "column",
             "corner",
             "x_mm",
             "y_mm",
@@ -399,8 +401,8 @@ fn corners_csv(made: &Calibrated, calibration: &Calibration) -> Result<Vec<u8>, 
                 .write_record([
                     view.name.clone(),
                     (i + 1).to_string(),
-                    found(&|c| c.square_row.to_string()),
-                    found(&|c| c.square_column.to_string()),
+                    found(&|c| c.row.to_string()),
+                    found(&|c| c.column.to_string()),
                     found(&|c| c.corner.to_string()),
                     format!("{:.4}", 1e3 * point.board.x_m),
                     format!("{:.4}", 1e3 * point.board.y_m),

@@ -123,7 +123,7 @@ fn the_demos_photos_give_the_camera_they_were_drawn_with() {
     for photo in &made.photos {
         let name = photo.file.file_name().unwrap().to_str().unwrap();
         for corner in &photo.detection.corners {
-            let key = (name.to_owned(), corner.square_row, corner.square_column, corner.corner);
+            let key = (name.to_owned(), corner.row, corner.column, corner.corner);
             let (column, row) = truth[&key];
             squares += (corner.sharp.column - column).powi(2) + (corner.sharp.row - row).powi(2);
         }

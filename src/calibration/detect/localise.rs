@@ -3,8 +3,8 @@
 //! # Source
 //! Hemerly (2014), section 2 and Fig. 1; Harris and Stephens (1988), "A combined corner and edge detector".
 
-use super::grey::Grey;
 use super::quads::Quad;
+use crate::calibration::grey::Grey;
 use nalgebra::Vector2;
 
 /// Corners of the square's bounding box. The box is turned with the square: its sides run along the mean

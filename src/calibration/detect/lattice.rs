@@ -1,7 +1,7 @@
 //! Quadrilaterals onto the target's lattice: neighbours, labels, which corner is the upper left.
 
 use super::quads::Quad;
-use super::target::{Marker, SquaresTarget};
+use crate::calibration::target::{Marker, SquaresTarget};
 use nalgebra::Vector2;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -110,6 +110,65 @@ type Cells = BTreeMap<(i32, i32), (usize, usize)>;
 
 /// Puts quadrilaterals on the target's lattice.
 pub(super) fn label(quads: &[Quad], target: &SquaresTarget) -> Result<Labels, LatticeError> {
+    let cells = lattice(quads, target)?;
+    let centres: Vec<_> = quads.iter().map(Quad::centre).collect();
+    place(&cells, quads, &centres, target)
+}
+
+/// Rows and columns of the lattice that the quadrilaterals make up, as the target is read: its marker, if it
+/// has one, at the upper left; otherwise no fewer columns than rows.
+///
+/// Border lines of which less than half is there are taken for clutter.
+pub(super) fn count(quads: &[Quad], target: &SquaresTarget) -> Result<(usize, usize), LatticeError> {
+    let cells = lattice(quads, target)?;
+    let (mut left, width) = extent(cells.keys().map(|c| c.0));
+    let (mut top, height) = extent(cells.keys().map(|c| c.1));
+    let (mut right, mut bottom) = (left + width, top + height);
+    loop {
+        let filled = |inside: &dyn Fn(i32, i32) -> bool| {
+            cells
+                .keys()
+                .filter(|&&(x, y)| (left..right).contains(&x) && (top..bottom).contains(&y) && inside(x, y))
+                .count() as i32
+                * 2
+        };
+        let (across, down) = (right - left, bottom - top);
+        if across < 2 || down < 2 {
+            return Err(LatticeError::NoLattice { quads: quads.len() });
+        }
+        if filled(&|x, _| x == left) < down {
+            left += 1;
+        } else if filled(&|x, _| x == right - 1) < down {
+            right -= 1;
+        } else if filled(&|_, y| y == top) < across {
+            top += 1;
+        } else if filled(&|_, y| y == bottom - 1) < across {
+            bottom -= 1;
+        } else {
+            break;
+        }
+    }
+    let (columns, rows) = ((right - left) as usize, (bottom - top) as usize);
+    if target.marker() == Marker::None {
+        return Ok((rows.min(columns), rows.max(columns)));
+    }
+    // Clockwise from the upper left, so that the index is the number of quarter turns to the marker.
+    let corners = [(left, top), (right - 1, top), (right - 1, bottom - 1), (left, bottom - 1)];
+    let hollow = |cell: &(i32, i32)| cells.get(cell).is_some_and(|&(quad, _)| quads[quad].hollow);
+    let absent = |cell: &(i32, i32)| !cells.contains_key(cell);
+    let at = |kind: &dyn Fn(&(i32, i32)) -> bool| {
+        let mut found = (0..4).filter(|&k| kind(&corners[k]));
+        (found.next(), found.count())
+    };
+    match if corners.iter().any(hollow) { at(&hollow) } else { at(&absent) } {
+        (None, _) => Err(LatticeError::NoMarker),
+        (Some(turn), 0) => Ok(if turn % 2 == 0 { (rows, columns) } else { (columns, rows) }),
+        (Some(_), more) => Err(LatticeError::MarkerAmbiguous { corners: more + 1 }),
+    }
+}
+
+/// The largest lattice of quadrilaterals.
+fn lattice(quads: &[Quad], target: &SquaresTarget) -> Result<Cells, LatticeError> {
     let centres: Vec<_> = quads.iter().map(Quad::centre).collect();
     let links = neighbours(quads, &centres, target.pitch_in_sides());
     let mut cells = largest_component(&links);
@@ -118,7 +177,7 @@ pub(super) fn label(quads: &[Quad], target: &SquaresTarget) -> Result<Labels, La
         return Err(LatticeError::NoLattice { quads });
     }
     grow(&mut cells, quads, &centres);
-    place(&cells, quads, &centres, target)
+    Ok(cells)
 }
 
 /// For each quadrilateral and side (0 upper, 1 right, 2 lower, 3 left) its neighbour there and the

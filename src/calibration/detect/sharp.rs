@@ -12,7 +12,7 @@
 //! neighbouring edges, and a, b, c (offset, turn, bend by lens distortion), dark, light and the blur σ are
 //! estimated for every edge. A corner is where two neighbouring edges intersect.
 
-use super::grey::Grey;
+use crate::calibration::grey::Grey;
 use nalgebra::{Matrix6, Vector2, Vector6};
 
 /// Standard deviation of an edge's curvature by lens distortion, 1/px: for an 80° lens it stays below

@@ -1,6 +1,6 @@
 //! Dark quadrilaterals in a photo: threshold, connected areas, outline, four fitted sides.
 
-use super::grey::Grey;
+use crate::calibration::grey::Grey;
 use nalgebra::Vector2;
 
 /// Smallest side of a square, pixels of the searched image: below it no edge has a straight part left.

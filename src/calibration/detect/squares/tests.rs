@@ -1,9 +1,10 @@
 //! Detection on drawn photos of the target: every corner, its accuracy, refusals.
 
-use super::super::rendered::{Look, paper_camera, paper_poses, photo, pose, see};
-use super::super::target::Marker;
-use super::super::zhang::BoardPose;
+use super::super::MarkerSeen;
 use super::*;
+use crate::calibration::rendered::{Look, paper_camera, paper_poses, photo, pose, see};
+use crate::calibration::target::{Marker, Target};
+use crate::calibration::zhang::BoardPose;
 
 /// Root mean square distance of an estimate to the truth, and mean distance outwards of the square, px.
 fn errors(
@@ -16,8 +17,7 @@ fn errors(
     let (mut squares, mut outwards) = (0.0, 0.0);
     for corner in &detection.corners {
         let truth = see(&camera, pose, corner.board);
-        let opposite =
-            see(&camera, pose, target.corner(corner.square_row, corner.square_column, corner.corner + 2));
+        let opposite = see(&camera, pose, target.corner(corner.row, corner.column, corner.corner + 2));
         let found = estimate(corner);
         let miss = Vector2::new(found.column - truth.column, found.row - truth.row);
         let out = Vector2::new(truth.column - opposite.column, truth.row - opposite.row).normalize();
@@ -80,6 +80,22 @@ fn uneven_light_blur_noise_small_and_tilted_targets() {
 }
 
 #[test]
+fn rows_and_columns_are_counted_as_the_target_is_read() {
+    let wide = |marker| SquaresTarget::new(4, 6, 0.02, 0.02, marker).unwrap();
+    for (marker, in_plane, expected) in [
+        (Marker::UpperLeft, 10.0, (4, 6)),
+        (Marker::UpperLeft, 95.0, (4, 6)),
+        (Marker::UpperLeft, -100.0, (4, 6)),
+        (Marker::None, 80.0, (4, 6)),
+    ] {
+        let pose = pose(&wide(marker), 0.45, (0.0, 0.0), (20.0, -15.0, in_plane));
+        let image = photo(&paper_camera(), &pose, &wide(marker), Look::PAPER);
+        let unsized_target = SquaresTarget::new(2, 2, 0.02, 0.02, marker).unwrap();
+        assert_eq!(count(&image, &unsized_target), Ok(expected), "{marker:?} turned by {in_plane}°");
+    }
+}
+
+#[test]
 fn what_is_not_the_target_is_said() {
     let seven = SquaresTarget::paper();
     let six = SquaresTarget::new(6, 6, 0.0157, 0.0157, Marker::None).unwrap();
@@ -91,10 +107,12 @@ fn what_is_not_the_target_is_said() {
     assert!(say(&drawn(&plain), &six).contains("more than the declared 6 × 6"));
     assert!(say(&drawn(&plain), &seven).contains("no hollow square"));
     assert!(say(&drawn(&seven), &plain).contains("none was declared"));
-    let flat = Grey::new(200, 100, vec![90.0; 20_000]).unwrap();
-    assert_eq!(say(&flat, &seven), "the photo has no contrast");
-    let tiny = Grey::new(20, 20, vec![90.0; 400]).unwrap();
-    assert!(say(&tiny, &seven).contains("too small"));
+    let refuse = |width, height| {
+        let flat = Grey::new(width, height, vec![90.0; width * height]).unwrap();
+        crate::calibration::detect(&flat, &Target::Squares(seven)).unwrap_err().to_string()
+    };
+    assert_eq!(refuse(200, 100), "the photo has no contrast");
+    assert!(refuse(20, 20).contains("too small"));
 }
 
 #[test]

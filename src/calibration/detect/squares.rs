@@ -1,0 +1,133 @@
+//! Separated squares: threshold, quadrilaterals, lattice, three estimates of every corner.
+
+use super::lattice::{self, LatticeError};
+use super::localise;
+use super::quads::{Quad, find_quads};
+use super::sharp::sharp;
+use super::{DetectError, DetectedCorner, Detection};
+use crate::calibration::grey::Grey;
+use crate::calibration::target::SquaresTarget;
+use crate::camera::ImagePoint;
+use nalgebra::Vector2;
+use std::borrow::Cow;
+
+/// Photos are searched at this size at most; corners are then located in the full photo.
+const SEARCH_SIZE_PX: usize = 1600;
+/// Half widths of the local threshold's window, as shares of the longer image side, tried in this order.
+const WINDOWS: [f64; 3] = [1.0 / 12.0, 1.0 / 30.0, 1.0 / 5.0];
+/// A square is darker than its surroundings by at least this share of the photo's brightness range.
+const CONTRAST_SHARE: f32 = 0.06;
+/// Finds the squares of the target: every one, or it is listed as missing. At least three quarters are needed,
+/// among them half of each border row and column, so that labels are certain.
+pub(super) fn detect(image: &Grey, target: &SquaresTarget) -> Result<Detection, DetectError> {
+    let (search, factor) = searched(image);
+    let smooth = search.smoothed();
+    let mut best: Option<(Vec<Quad>, Result<lattice::Labels, LatticeError>)> = None;
+    for share in WINDOWS {
+        let quads = quads_in(&smooth, share);
+        let labels = lattice::label(&quads, target);
+        let rank = |labels: &Result<lattice::Labels, LatticeError>| match labels {
+            Ok(labels) => 2 + labels.squares.len(),
+            Err(LatticeError::NoLattice { .. }) => 0,
+            Err(_) => 1,
+        };
+        if best.as_ref().is_none_or(|(_, so_far)| rank(&labels) > rank(so_far)) {
+            best = Some((quads, labels));
+        }
+        let complete = |labels: &lattice::Labels| labels.squares.len() == target.used_squares();
+        if best.as_ref().is_some_and(|(_, labels)| labels.as_ref().is_ok_and(complete)) {
+            break;
+        }
+    }
+    let (quads, labels) = best.ok_or(DetectError::NoContrast)?;
+    locate(image, &search, factor, &quads, &labels?, target)
+}
+
+/// Rows and columns of the lattice of squares; the window that shows most of it decides.
+pub(super) fn count(image: &Grey, target: &SquaresTarget) -> Result<(usize, usize), DetectError> {
+    let smooth = searched(image).0.smoothed();
+    let counts = WINDOWS.map(|share| lattice::count(&quads_in(&smooth, share), target));
+    let most = |best: Result<(usize, usize), LatticeError>, next| match (&best, &next) {
+        (Ok((r, c)), Ok((rows, columns))) if rows * columns <= r * c => best,
+        (_, Ok(_)) => next,
+        _ => best,
+    };
+    let [first, others @ ..] = counts;
+    Ok(others.into_iter().fold(first, most)?)
+}
+
+/// The image in which squares are searched, and how many pixels of the photo one of its pixels is wide.
+fn searched(image: &Grey) -> (Cow<'_, Grey>, usize) {
+    let factor = image.width().max(image.height()).div_ceil(SEARCH_SIZE_PX);
+    let search = if factor > 1 { Cow::Owned(image.reduced(factor)) } else { Cow::Borrowed(image) };
+    (search, factor)
+}
+
+fn quads_in(smooth: &Grey, share: f64) -> Vec<Quad> {
+    let longest = smooth.width().max(smooth.height()) as f64;
+    let radius = (share * longest).round().max(2.0) as usize;
+    find_quads(smooth, radius, CONTRAST_SHARE * smooth.range())
+}
+
+/// The three estimates for every labelled square.
+fn locate(
+    image: &Grey,
+    search: &Grey,
+    factor: usize,
+    quads: &[Quad],
+    labels: &lattice::Labels,
+    target: &SquaresTarget,
+) -> Result<Detection, DetectError> {
+    // Pixel (0, 0) is a centre in both images.
+    let scale = factor as f64;
+    let full = |p: Vector2<f64>| (p + Vector2::repeat(0.5)) * scale - Vector2::repeat(0.5);
+    let point = |p: Vector2<f64>| ImagePoint::new(p.x, p.y);
+    let gap = target.pitch_in_sides() - 1.0;
+    let mut corners = Vec::with_capacity(4 * labels.squares.len());
+    for square in &labels.squares {
+        let quad = &quads[square.quad];
+        let side = quad.area().sqrt();
+        let blunt = localise::blunt(quad);
+        let refined = blunt.map(|corner| localise::refined(search, corner, side));
+        // A Harris maximum that is not this corner's (dirt, glare, print) would lead the search astray:
+        // there it starts from the outline's corner instead.
+        let start = std::array::from_fn(|k| {
+            let outline = quad.corners[k];
+            let astray = (refined[k] - outline).norm() > 2.0 + 0.1 * side;
+            full(if astray { outline } else { refined[k] })
+        });
+        let Some(sharp) = sharp(image, start, scale, gap) else {
+            continue;
+        };
+        for corner in 0..4 {
+            let k = (corner + square.first_corner) % 4;
+            corners.push(DetectedCorner {
+                row: square.row,
+                column: square.column,
+                corner,
+                board: target.corner(square.row, square.column, corner),
+                growth: SquaresTarget::growth(corner),
+                blunt: point(full(blunt[k])),
+                refined: point(full(refined[k])),
+                sharp: point(sharp[k]),
+            });
+        }
+    }
+    let located = corners.len() / 4;
+    if 4 * located < 3 * target.used_squares() {
+        let squares = labels.squares.len();
+        return Err(DetectError::Unsharp { located, squares });
+    }
+    let mut missing = Vec::new();
+    for row in 0..target.rows() {
+        for column in (0..target.columns()).filter(|&column| target.is_used(row, column)) {
+            if !corners.iter().any(|c| (c.row, c.column) == (row, column)) {
+                missing.push((row, column));
+            }
+        }
+    }
+    Ok(Detection { corners, missing, marker: labels.marker })
+}
+
+#[cfg(test)]
+mod tests;
