@@ -14,6 +14,7 @@
 mod detect;
 mod grey;
 mod product;
+mod quality;
 mod solve;
 mod target;
 mod zhang;
@@ -23,6 +24,7 @@ mod rendered;
 
 pub use detect::{DetectError, DetectedCorner, Detection, LatticeError, MarkerSeen, count, detect};
 pub use grey::{Grey, GreyError};
+pub use quality::{PhotoFault, PhotoQuality, photo_faults, photo_quality};
 pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
 pub use solve::{CalibrationError, Lens, LensModel, calibrate};
 pub use target::{

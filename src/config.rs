@@ -19,6 +19,7 @@ mod read;
 pub mod run;
 mod schema;
 mod source;
+pub mod target;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -4,11 +4,16 @@
 //! Nothing is computed here: the page and the JSON show the same numbers, and the page rounds them to what
 //! is known.
 
+pub mod calibration;
 pub mod contours;
 pub mod figures;
+pub mod lens_figures;
 pub mod numbers;
 pub mod page;
+pub mod sheet;
 
+pub use calibration::CalibrationNumbers;
 pub use figures::{Figure, FigureError};
 pub use numbers::AccuracyNumbers;
 pub use page::{Page, PageError, render};
+pub use sheet::{Sheet, SheetError};

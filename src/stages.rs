@@ -11,6 +11,7 @@ pub mod mosaic;
 pub mod page;
 pub mod session;
 pub mod simulate;
+pub mod target;
 
 pub use context::{
     ErrorClass, FrameStatus, NoProgress, Progress, RunContext, Stage, StageError, StageRecord, TaskProgress,

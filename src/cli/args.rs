@@ -6,6 +6,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::exit::EXIT_CODES;
 use crate::config::log::VerticalDatum;
+use crate::config::quantity::Length;
+use crate::config::target::TargetKind;
 use crate::stages::Stage;
 
 /// Georeferenced mosaics with a stated accuracy, from UAV photos and the log of their attitude-and-position unit.
@@ -70,6 +72,8 @@ pub enum Command {
     Explain(ExplainArguments),
     /// Make a synthetic survey with known truth.
     Simulate(SimulateArguments),
+    /// Make a calibration target to print in true size, and the table that declares it in a pipeline.
+    Target(Box<TargetArguments>),
     /// Print the JSON Schema of the pipeline file.
     Schema,
     /// Print a completion script for a shell.
@@ -195,6 +199,101 @@ pub struct SimulateArguments {
     /// Print what was written as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `target`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  boresight target squares --rows 7 --columns 7 --square '15.7 mm' --gap '15.7 mm' \\\n      --hollow upper-left -o target.pdf\n  boresight target chessboard --rows 6 --columns 9 --square '25 mm' -o chessboard.svg"
+)]
+pub struct TargetArguments {
+    /// Kind of target.
+    #[arg(value_enum)]
+    pub kind: TargetName,
+    /// Rows of squares, inner corners (chessboard), tags or circles.
+    #[arg(long, value_name = "N")]
+    pub rows: u32,
+    /// Columns of them.
+    #[arg(long, value_name = "N")]
+    pub columns: u32,
+    /// Side of a square, for example "15.7 mm" (squares, chessboard, charuco).
+    #[arg(long, value_name = "LENGTH")]
+    pub square: Option<Length>,
+    /// Space between neighbours (squares, aprilgrid).
+    #[arg(long, value_name = "LENGTH")]
+    pub gap: Option<Length>,
+    /// Which square is hollow (squares). Default: upper-left.
+    #[arg(long, value_enum, value_name = "WHICH")]
+    pub hollow: Option<HollowName>,
+    /// Side of a marker, its black border included (charuco).
+    #[arg(long, value_name = "LENGTH")]
+    pub marker: Option<Length>,
+    /// Side of a tag, its black border included (aprilgrid).
+    #[arg(long, value_name = "LENGTH")]
+    pub tag: Option<Length>,
+    /// Dictionary of the markers, for example "4x4_50" (charuco) or "apriltag_36h11" (aprilgrid, its default).
+    #[arg(long, value_name = "NAME")]
+    pub dictionary: Option<String>,
+    /// Number of the first marker (charuco, aprilgrid). Default 0.
+    #[arg(long, value_name = "N")]
+    pub first_marker: Option<u32>,
+    /// Leave out the small black squares between the corners of tags (aprilgrid).
+    #[arg(long)]
+    pub no_joints: bool,
+    /// Distance between rows of circles (circles, asymmetric-circles).
+    #[arg(long, value_name = "LENGTH")]
+    pub spacing: Option<Length>,
+    /// Diameter of a circle.
+    #[arg(long, value_name = "LENGTH")]
+    pub diameter: Option<Length>,
+    /// Paper: A5 to A0, LETTER or TABLOID. Default: the smallest of A5 to A0 that holds the target.
+    #[arg(long, value_name = "NAME")]
+    pub paper: Option<String>,
+    /// File to write: .pdf or .svg.
+    #[arg(long, short, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Replace the file if it is there.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// A kind of target on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TargetName {
+    /// Separated black squares: the paper's.
+    Squares,
+    /// A chessboard, counted by inner corners.
+    Chessboard,
+    /// A chessboard with markers, counted by squares.
+    Charuco,
+    /// AprilTags in rows and columns.
+    Aprilgrid,
+    /// Discs in rows and columns.
+    Circles,
+    /// Discs of which every second row is moved.
+    AsymmetricCircles,
+}
+
+impl From<TargetName> for TargetKind {
+    fn from(name: TargetName) -> Self {
+        match name {
+            TargetName::Squares => Self::Squares,
+            TargetName::Chessboard => Self::Chessboard,
+            TargetName::Charuco => Self::Charuco,
+            TargetName::Aprilgrid => Self::Aprilgrid,
+            TargetName::Circles => Self::Circles,
+            TargetName::AsymmetricCircles => Self::AsymmetricCircles,
+        }
+    }
+}
+
+/// Which square is hollow, on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum HollowName {
+    /// The upper left one: tells how the target lies.
+    UpperLeft,
+    /// None.
+    None,
 }
 
 /// A stage's name on the command line.

@@ -7,3 +7,4 @@ pub mod locate;
 pub mod run;
 pub mod schema;
 pub mod simulate;
+pub mod target;

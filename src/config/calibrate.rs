@@ -10,6 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::error::{ConfigError, Resolver};
 use super::quantity::Length;
 use super::source::Located;
+use super::target::{self, Target, TargetSpec};
 
 /// `[calibrate]` as written. Exactly one of `camera`, `photos`, `parameters`, `corners`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -33,6 +34,12 @@ pub struct CalibrateSpec {
     /// Which parameters are estimated from `photos` or `corners`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<Located<ModelSpec>>,
+    /// A camera file to compare with in the report; it has no influence on the result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Located<PathBuf>>,
+    /// Height above ground for which the report gives the uncertainty of a pixel in metres. Default 100 m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub report_height: Option<Located<Length>>,
 }
 
 /// One pattern or a list of patterns of file names.
@@ -180,42 +187,6 @@ impl ParametersStdSpec {
     }
 }
 
-/// The kind of calibration target.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TargetKind {
-    /// Separate black squares on white, in rows and columns.
-    Squares,
-}
-
-/// Which square of the target is drawn as an outline, to tell the target's orientation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HollowSquare {
-    /// The upper-left square is hollow, as on the paper's target.
-    UpperLeft,
-    /// All squares are filled: the target's orientation is then ambiguous by half a turn (or a quarter, when square).
-    None,
-}
-
-/// `[calibrate.target]`: the target in the photos.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TargetSpec {
-    /// Kind of target.
-    pub kind: TargetKind,
-    /// Number of rows of squares.
-    pub rows: Located<u32>,
-    /// Number of columns of squares.
-    pub columns: Located<u32>,
-    /// Side of a square.
-    pub square: Located<Length>,
-    /// Space between neighbouring squares (their pitch is `square` + `gap`).
-    pub gap: Located<Length>,
-    /// Which square is hollow.
-    pub hollow: HollowSquare,
-}
-
 /// `[calibrate.corners]`: corners found elsewhere, in Zhang's text format (whitespace-separated x y pairs, any number a line).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -234,33 +205,51 @@ pub struct CornersSpec {
     pub image_height_px: Located<u32>,
 }
 
-/// Which lens parameters are estimated.
+/// The lens that is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum LensModel {
-    /// k1, k2, p1, p2, k3: the paper's lens.
+pub enum LensChoice {
+    /// Several lenses, compared by how well they predict photos that took no part; the simplest one that is not worse
+    /// than the best is used.
+    #[serde(rename = "auto")]
+    Auto,
+    /// Brown's with k1, k2, p1, p2, k3: the paper's lens.
     #[serde(rename = "brown5")]
     Brown5,
-    /// k1, k2.
+    /// Brown's with k1, k2.
     #[serde(rename = "radial2")]
     Radial2,
-    /// k1, k2, p1, p2.
+    /// Brown's with k1, k2, p1, p2.
     #[serde(rename = "radial2_tangential2")]
     Radial2Tangential2,
+    /// OpenCV's rational lens: k1, k2, p1, p2, k3, k4, k5, k6.
+    #[serde(rename = "rational")]
+    Rational,
+    /// Kannala and Brandt's fisheye lens: k1, k2, k3, k4.
+    #[serde(rename = "fisheye")]
+    Fisheye,
 }
 
 /// `[calibrate.model]`: which parameters are estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSpec {
-    /// Lens parameters. Default "brown5".
-    pub lens: LensModel,
-    /// Whether skew is estimated. Default true.
-    pub skew: bool,
+    /// The lens. Default "auto".
+    pub lens: LensChoice,
+    /// Whether skew is estimated. Default: true for "brown5", false for the other lenses; "auto" compares both.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skew: Option<bool>,
+    /// Ratio fx / fy where it is known, for example 1.0; both are estimated when left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub aspect: Option<f64>,
+    /// Whether the principal point is taken to be the middle of the image. Default false.
+    pub centred: bool,
+    /// Whether the board's bend is estimated along with the camera. Default false: it is reported, not used.
+    pub bend: bool,
 }
 
 impl Default for ModelSpec {
     fn default() -> Self {
-        Self { lens: LensModel::Brown5, skew: true }
+        Self { lens: LensChoice::Auto, skew: None, aspect: None, centred: false, bend: false }
     }
 }
 
@@ -271,6 +260,10 @@ pub struct Calibrate {
     pub table: Located<()>,
     /// Where the camera comes from.
     pub camera: CameraSource,
+    /// A camera file to compare with.
+    pub reference: Option<Located<PathBuf>>,
+    /// Height above ground for which uncertainties are given in metres.
+    pub report_height_m: f64,
 }
 
 impl Calibrate {
@@ -303,21 +296,6 @@ pub struct TargetPhotos {
     pub target: Target,
     /// Which parameters are estimated.
     pub model: ModelSpec,
-}
-
-/// A target of squares.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Target {
-    /// Rows of squares, at least 2.
-    pub rows: u32,
-    /// Columns of squares, at least 2.
-    pub columns: u32,
-    /// Side of a square, metres.
-    pub square_m: f64,
-    /// Space between neighbouring squares, metres.
-    pub gap_m: f64,
-    /// Which square is hollow.
-    pub hollow: HollowSquare,
 }
 
 /// Corners found elsewhere.
@@ -366,6 +344,8 @@ pub(super) fn resolve(
     }
     if spec.photos.is_none() && spec.corners.is_none() {
         resolver.unused(&spec.model, "model", "only `photos` and `corners` estimate parameters")?;
+        resolver.unused(&spec.reference, "reference", "only `photos` and `corners` are compared")?;
+        resolver.unused(&spec.report_height, "report_height", "only `photos` and `corners` have a report")?;
     }
     let camera = if let Some(file) = &spec.camera {
         CameraSource::File(resolver.path(file)?)
@@ -373,7 +353,7 @@ pub(super) fn resolve(
         check_parameters(parameters, resolver)?;
         CameraSource::Parameters(parameters.clone())
     } else if let Some(photos) = &spec.photos {
-        let model = spec.model.get_or_insert_with(|| Located::unplaced(ModelSpec::default())).value;
+        let model = resolve_model(&mut spec.model, resolver)?;
         if photos.0.is_empty() || photos.0.iter().any(String::is_empty) {
             return Err(resolver.error(photos, "`photos` names no file"));
         }
@@ -384,16 +364,35 @@ pub(super) fn resolve(
         })?;
         CameraSource::Photos(TargetPhotos {
             patterns: photos.clone().map(|patterns| patterns.0),
-            target: resolve_target(target, resolver)?,
+            target: target::resolve(target, resolver)?,
             model,
         })
     } else if let Some(corners) = &spec.corners {
-        let model = spec.model.get_or_insert_with(|| Located::unplaced(ModelSpec::default())).value;
+        let model = resolve_model(&mut spec.model, resolver)?;
         CameraSource::Corners(resolve_corners(corners, model, resolver)?)
     } else {
         unreachable!("one of the four was just counted")
     };
-    Ok(Calibrate { table, camera })
+    let reference = spec.reference.as_ref().map(|file| resolver.path(file)).transpose()?;
+    let report_height_m = match &spec.report_height {
+        Some(height) => positive_length(height, "report_height", resolver)?,
+        None => 100.0,
+    };
+    Ok(Calibrate { table, camera, reference, report_height_m })
+}
+
+/// The model as written or the default, checked.
+fn resolve_model(
+    spec: &mut Option<Located<ModelSpec>>,
+    resolver: &Resolver,
+) -> Result<ModelSpec, ConfigError> {
+    let model = spec.get_or_insert_with(|| Located::unplaced(ModelSpec::default()));
+    match model.aspect {
+        Some(ratio) if !(ratio.is_finite() && ratio > 0.0) => {
+            Err(resolver.error(model, format!("`aspect` is {ratio}; it must be above 0")))
+        }
+        _ => Ok(model.value),
+    }
 }
 
 fn positive(value: &Located<f64>, name: &str, resolver: &Resolver) -> Result<(), ConfigError> {
@@ -441,22 +440,6 @@ fn check_parameters(spec: &Located<ParametersSpec>, resolver: &Resolver) -> Resu
             .error(std, format!("the standard deviation of `{name}` is {value}; it must be 0 or more")));
     }
     Ok(())
-}
-
-fn resolve_target(spec: &Located<TargetSpec>, resolver: &Resolver) -> Result<Target, ConfigError> {
-    for (name, count) in [("rows", &spec.rows), ("columns", &spec.columns)] {
-        if count.value < 2 {
-            return Err(resolver
-                .error(count, format!("a target needs 2 or more {name} of squares, not {}", count.value)));
-        }
-    }
-    Ok(Target {
-        rows: spec.rows.value,
-        columns: spec.columns.value,
-        square_m: positive_length(&spec.square, "square", resolver)?,
-        gap_m: positive_length(&spec.gap, "gap", resolver)?,
-        hollow: spec.hollow,
-    })
 }
 
 fn resolve_corners(

@@ -10,6 +10,7 @@ mod store;
 pub use store::PhotoStore;
 
 use super::InputError;
+use crate::calibration::Grey;
 use crate::raster::Image8;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs;
@@ -64,7 +65,83 @@ pub fn decode(path: &Path) -> Result<Image8, InputError> {
     decode_bytes(&bytes).map_err(|cause| InputError::new(path, cause))
 }
 
+/// Brightest value of what [`decode_grey`] returns.
+pub const WHITE: f32 = 255.0;
+
+/// Reads and decodes a photo to brightness from 0 to [`WHITE`], colours weighted as the eye does (ITU-R BT.601, as
+/// JPEG and OpenCV do). Samples of 16 bits keep their precision.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_grey(path: &Path) -> Result<Grey, InputError> {
+    let bytes = fs::read(path).map_err(|e| InputError::new(path, format!("cannot be read ({e})")))?;
+    grey(&bytes).map_err(|cause| InputError::new(path, cause))
+}
+
+fn grey(bytes: &[u8]) -> Result<Grey, String> {
+    const WEIGHTS: [f32; 3] = [0.299, 0.587, 0.114];
+    let deep = |values: Vec<u16>, width: u32, height: u32, channels: usize| {
+        const SCALE: f32 = WHITE / u16::MAX as f32;
+        let values = match channels {
+            1 => values.into_iter().map(|v| SCALE * f32::from(v)).collect(),
+            _ => values
+                .chunks_exact(channels)
+                .map(|c| SCALE * WEIGHTS.iter().zip(c).map(|(w, v)| w * f32::from(*v)).sum::<f32>())
+                .collect(),
+        };
+        Grey::new(width as usize, height as usize, values).map_err(|e| e.to_string())
+    };
+    let image = match pixels(bytes)? {
+        Pixels::Deep(image @ (DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_))) => {
+            let (width, height) = (image.width(), image.height());
+            return deep(image.into_luma16().into_raw(), width, height, 1);
+        }
+        Pixels::Deep(image) => {
+            let (width, height) = (image.width(), image.height());
+            return deep(image.into_rgb16().into_raw(), width, height, 3);
+        }
+        Pixels::Eight(image) => image,
+    };
+    let values = match image.channels() {
+        1 => image.samples().iter().map(|v| f32::from(*v)).collect(),
+        _ => image
+            .samples()
+            .chunks_exact(3)
+            .map(|c| WEIGHTS.iter().zip(c).map(|(w, v)| w * f32::from(*v)).sum())
+            .collect(),
+    };
+    Grey::new(image.width(), image.height(), values).map_err(|e| e.to_string())
+}
+
 fn decode_bytes(bytes: &[u8]) -> Result<Image8, String> {
+    match pixels(bytes)? {
+        Pixels::Eight(image) => Ok(image),
+        Pixels::Deep(image) => {
+            let (width, height) = (image.width() as usize, image.height() as usize);
+            let (channels, samples) = match image {
+                DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_) => {
+                    (1, image.into_luma8().into_raw())
+                }
+                _ => (3, image.into_rgb8().into_raw()),
+            };
+            Image8::new(width, height, channels, samples).ok_or_else(unfilled)
+        }
+    }
+}
+
+fn unfilled() -> String {
+    "the decoded pixels do not fill the image".to_owned()
+}
+
+/// A decoded photo: opaque, of one or three colours.
+enum Pixels {
+    /// 8 bits a sample.
+    Eight(Image8),
+    /// 16 bits a sample.
+    Deep(DynamicImage),
+}
+
+fn pixels(bytes: &[u8]) -> Result<Pixels, String> {
     if bytes.is_empty() {
         return Err("the file is empty".to_owned());
     }
@@ -72,7 +149,7 @@ fn decode_bytes(bytes: &[u8]) -> Result<Image8, String> {
         .with_guessed_format()
         .map_err(|e| format!("cannot be read ({e})"))?;
     if known_format(reader.format())? == ImageFormat::Jpeg {
-        return decode_jpeg(bytes);
+        return decode_jpeg(bytes).map(Pixels::Eight);
     }
     let mut decoder = reader.into_decoder().map_err(|e| broken(&e))?;
     let PhotoHeader { width, height, .. } = header(&decoder)?;
@@ -90,13 +167,11 @@ fn decode_bytes(bytes: &[u8]) -> Result<Image8, String> {
     let (channels, samples) = match decoded {
         DynamicImage::ImageLuma8(image) => (1, image.into_raw()),
         DynamicImage::ImageRgb8(image) => (3, image.into_raw()),
-        DynamicImage::ImageLumaA8(_) | DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_) => {
-            (1, decoded.into_luma8().into_raw())
-        }
-        _ => (3, decoded.into_rgb8().into_raw()),
+        DynamicImage::ImageLumaA8(_) => (1, decoded.into_luma8().into_raw()),
+        DynamicImage::ImageRgba8(_) => (3, decoded.into_rgb8().into_raw()),
+        deep => return Ok(Pixels::Deep(deep)),
     };
-    Image8::new(width as usize, height as usize, channels, samples)
-        .ok_or_else(|| "the decoded pixels do not fill the image".to_owned())
+    Image8::new(width as usize, height as usize, channels, samples).map(Pixels::Eight).ok_or_else(unfilled)
 }
 
 /// Strictly, for the decoder's default is to fill what it cannot decode with grey and call it a photo.
@@ -120,7 +195,7 @@ fn decode_jpeg(bytes: &[u8]) -> Result<Image8, String> {
     decoder.set_options(options.jpeg_set_out_colorspace(space));
     let samples = decoder.decode().map_err(broken)?;
     Image8::new(usize::from(info.width), usize::from(info.height), channels, samples)
-        .ok_or_else(|| "the decoded pixels do not fill the image".to_owned())
+        .ok_or_else(unfilled)
 }
 
 /// Walks the markers up to the end-of-image marker; whatever cameras append after it does not matter.
@@ -241,6 +316,15 @@ mod tests {
         let samples: Vec<u8> = [0_u16, 257, 32896, 65535].iter().flat_map(|v| v.to_ne_bytes()).collect();
         let image = decode_bytes(&png(&samples, 2, 2, ExtendedColorType::L16)).unwrap();
         assert_eq!(image.samples(), [0, 1, 128, 255]);
+        // As brightness they keep what 8 bits would lose.
+        let samples: Vec<u8> = [1_u16, 258, 32897, 65535].iter().flat_map(|v| v.to_ne_bytes()).collect();
+        let deep = grey(&png(&samples, 2, 2, ExtendedColorType::L16)).unwrap();
+        for (value, stored) in deep.values().iter().zip([1.0_f32, 258.0, 32897.0, 65535.0]) {
+            assert!((value - stored / 257.0).abs() < 1e-4, "{value} for {stored}");
+        }
+        let rgb: Vec<u8> = [65535_u16, 0, 0].iter().flat_map(|v| v.to_ne_bytes()).collect();
+        let red = grey(&png(&rgb, 1, 1, ExtendedColorType::Rgb16)).unwrap();
+        assert!((red.values()[0] - 76.245).abs() < 1e-3, "{:?}", red.values());
     }
 
     #[test]

@@ -37,21 +37,21 @@ pub enum FigureError {
     },
 }
 
-const INK: Color = Color::Rgb(31, 41, 55);
-const FAINT: Color = Color::Rgb(107, 114, 128);
-const RULE: Color = Color::Rgb(209, 213, 219);
-const LINE: Color = Color::Rgb(30, 64, 110);
-const ACCENT: Color = Color::Rgb(192, 86, 33);
-const WHITE: Color = Color::Rgb(255, 255, 255);
+pub(super) const INK: Color = Color::Rgb(31, 41, 55);
+pub(super) const FAINT: Color = Color::Rgb(107, 114, 128);
+pub(super) const RULE: Color = Color::Rgb(209, 213, 219);
+pub(super) const LINE: Color = Color::Rgb(30, 64, 110);
+pub(super) const ACCENT: Color = Color::Rgb(192, 86, 33);
+pub(super) const WHITE: Color = Color::Rgb(255, 255, 255);
 const FONT: &str = "system-ui, 'Segoe UI', 'Helvetica Neue', Arial, 'DejaVu Sans', sans-serif";
 
-fn scene(width: f64, height: f64) -> Scene {
+pub(super) fn scene(width: f64, height: f64) -> Scene {
     let mut scene = Scene::new(width, height).with_background(Some("white"));
     scene.font_family = Some(FONT.to_owned());
     scene
 }
 
-fn finished(scene: &Scene) -> Result<Figure, FigureError> {
+pub(super) fn finished(scene: &Scene) -> Result<Figure, FigureError> {
     let png = RasterBackend::new()
         .with_scale(2.0)
         .render_scene(scene)
@@ -59,7 +59,7 @@ fn finished(scene: &Scene) -> Result<Figure, FigureError> {
     Ok(Figure { svg: SvgBackend::default().render_scene(scene), png })
 }
 
-fn text(scene: &mut Scene, at: (f64, f64), content: &str, size: u32, anchor: TextAnchor, color: Color) {
+pub(super) fn text(scene: &mut Scene, at: (f64, f64), content: &str, size: u32, anchor: TextAnchor, color: Color) {
     scene.add(Primitive::Text {
         x: at.0,
         y: at.1,
@@ -72,7 +72,7 @@ fn text(scene: &mut Scene, at: (f64, f64), content: &str, size: u32, anchor: Tex
     });
 }
 
-fn line(scene: &mut Scene, from: (f64, f64), to: (f64, f64), stroke: Color, stroke_width: f64) {
+pub(super) fn line(scene: &mut Scene, from: (f64, f64), to: (f64, f64), stroke: Color, stroke_width: f64) {
     scene.add(Primitive::Line {
         x1: from.0,
         y1: from.1,
@@ -84,7 +84,7 @@ fn line(scene: &mut Scene, from: (f64, f64), to: (f64, f64), stroke: Color, stro
     });
 }
 
-fn frame_of(scene: &mut Scene, left: f64, top: f64, width: f64, height: f64) {
+pub(super) fn frame_of(scene: &mut Scene, left: f64, top: f64, width: f64, height: f64) {
     scene.add(Primitive::Rect {
         x: left,
         y: top,
@@ -111,7 +111,7 @@ fn path(points: impl Iterator<Item = (f64, f64)>, closed: bool) -> String {
 }
 
 /// A number with as many decimals as its step needs: 2.5 needs one.
-fn by_step(value: f64, step: f64) -> String {
+pub(super) fn by_step(value: f64, step: f64) -> String {
     let whole = |decimals: i32| {
         let scaled = step.abs() * 10_f64.powi(decimals);
         scaled >= 1.0 - 1e-6 && (scaled - scaled.round()).abs() < 1e-6 * scaled
@@ -165,9 +165,7 @@ pub fn contour_panels(panels: &[Panel]) -> Result<Figure, FigureError> {
 }
 
 fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64) {
-    let (w, h) = (f64::from(panel.image_px.0), f64::from(panel.image_px.1));
-    let scale = width / w;
-    let height = h * scale;
+    let height = width * f64::from(panel.image_px.1) / f64::from(panel.image_px.0);
     let (cell_w, cell_h) = (width / panel.columns as f64, height / panel.rows as f64);
     text(scene, (left, top - 16.0), &panel.title, 18, TextAnchor::Start, INK);
 
@@ -237,6 +235,14 @@ fn draw_panel(scene: &mut Scene, panel: &Panel, left: f64, top: f64, width: f64)
         text(scene, (x, y + 5.0), &label, 15, TextAnchor::Middle, LINE);
     }
 
+    image_axes(scene, panel.image_px, left, top, width);
+}
+
+/// Frame, ticks and names of an image's columns and rows.
+pub(super) fn image_axes(scene: &mut Scene, image_px: (u32, u32), left: f64, top: f64, width: f64) {
+    let (w, h) = (f64::from(image_px.0), f64::from(image_px.1));
+    let scale = width / w;
+    let height = h * scale;
     frame_of(scene, left, top, width, height);
     let step = tick_step(w);
     for k in 0..=(w / step) as u32 {
@@ -293,12 +299,12 @@ fn label_place(points: &[(f64, f64)], taken: &[((f64, f64), String)]) -> Option<
 }
 
 /// White to blue.
-fn tint(share: f64) -> Color {
+pub(super) fn tint(share: f64) -> Color {
     let mix = |from: f64, to: f64| (from + (to - from) * share).round().clamp(0.0, 255.0) as u8;
     Color::Rgb(mix(247.0, 133.0), mix(250.0, 178.0), mix(253.0, 221.0))
 }
 
-fn tick_step(size_px: f64) -> f64 {
+pub(super) fn tick_step(size_px: f64) -> f64 {
     let raw = size_px / 5.0;
     let power = 10_f64.powf(raw.log10().floor());
     [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().map(|k| k * power).find(|s| *s >= raw).unwrap_or(raw)

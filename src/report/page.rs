@@ -3,6 +3,7 @@
 //! Every section may be missing. Numbers are rounded here and nowhere else: a spread to two digits, a value
 //! to the digits its spread allows.
 
+use super::calibration::{CalibrationNumbers, ParameterNumbers};
 use super::figures::{self, CE90_COLOURS, FigureError, MapFrame};
 use super::numbers::{AccuracyNumbers, CheckFigures, EllipseNumbers, LengthNumbers};
 use base64::Engine;
@@ -139,51 +140,20 @@ pub struct CaptionedFigure {
 }
 
 /// The camera.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub struct CalibrationSection {
     /// Where it comes from, a sentence.
     pub source: String,
     /// Interior parameters.
-    pub parameters: Vec<Parameter>,
-    /// The adjustment, when it was calibrated here.
-    pub adjustment: Option<Adjustment>,
-    /// One photo with its corners, PNG.
-    #[serde(skip)]
-    pub overlay_png: Option<Vec<u8>>,
-    /// Photos that were not used.
-    pub rejected: Vec<Rejected>,
-}
-
-/// A camera parameter.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Parameter {
-    /// Its name, with the unit.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-    /// 1σ; 0 or absent when it was not estimated.
-    pub std: Option<f64>,
-    /// Differs from zero by less than two standard deviations.
-    pub insignificant: bool,
-}
-
-/// An adjustment from photos of the target.
-#[derive(Debug, Clone, Serialize)]
-pub struct Adjustment {
-    /// Photos.
-    pub views: usize,
-    /// Corners.
-    pub points: usize,
-    /// The paper's J.
-    pub j_total_px2: f64,
-    /// J per point.
-    pub j_per_point_px2: f64,
-    /// 1σ of one coordinate.
-    pub sigma0_px: f64,
-    /// Share of the frame whose lens is supported by corners.
-    pub supported_percent: f64,
-    /// Share of the frame without an inverse lens.
-    pub folded_percent: f64,
+    pub parameters: Vec<ParameterNumbers>,
+    /// How it was calibrated, when it was calibrated here.
+    pub adjustment: Option<CalibrationNumbers>,
+    /// Pictures over the frame.
+    pub figures: Vec<CaptionedFigure>,
+    /// The three estimates of one corner, PNG.
+    pub steps_png: Option<Vec<u8>>,
+    /// The photo that fits worst and its points: name and PNG.
+    pub overlay: Option<(String, Vec<u8>)>,
 }
 
 /// Makes the page.
@@ -204,11 +174,7 @@ pub fn render(page: &Page) -> Result<String, PageError> {
         }
     });
     let accuracy = page.accuracy.as_ref().map(|a| {
-        let figures: Vec<Value> = a
-            .figures
-            .iter()
-            .map(|f| context! { title => f.title.as_str(), caption => f.caption.as_str(), picture => svg_uri(&f.svg) })
-            .collect();
+        let figures: Vec<Value> = a.figures.iter().map(captioned).collect();
         context! {
             numbers => Serde(&a.numbers),
             figures => figures,
@@ -222,8 +188,16 @@ pub fn render(page: &Page) -> Result<String, PageError> {
         check.variants.get(check.judged_by)
     });
     let calibration = page.calibration.as_ref().map(|c| {
-        let overlay = c.overlay_png.as_deref().map(png_uri);
-        context! { overlay, ..Value::from(Serde(c)) }
+        context! {
+            source => c.source.as_str(),
+            parameters => Serde(&c.parameters),
+            compared => c.parameters.iter().any(|p| p.reference.is_some()),
+            adjustment => Serde(&c.adjustment),
+            figures => c.figures.iter().map(captioned).collect::<Vec<_>>(),
+            steps_picture => c.steps_png.as_deref().map(png_uri),
+            overlay => c.overlay.as_ref().map(|(_, png)| png_uri(png)),
+            overlay_of => c.overlay.as_ref().map(|(name, _)| name.as_str()),
+        }
     });
     let colours: Vec<String> = CE90_COLOURS.iter().map(|[r, g, b]| format!("rgb({r},{g},{b})")).collect();
     let area_m2 = page
@@ -252,6 +226,12 @@ pub fn render(page: &Page) -> Result<String, PageError> {
         warnings => Serde(&page.warnings),
     })?;
     Ok(html)
+}
+
+fn captioned(figure: &CaptionedFigure) -> Value {
+    context! {
+        title => figure.title.as_str(), caption => figure.caption.as_str(), picture => svg_uri(&figure.svg),
+    }
 }
 
 fn environment() -> Result<Environment<'static>, minijinja::Error> {
@@ -293,10 +273,24 @@ fn environment() -> Result<Environment<'static>, minijinja::Error> {
         })?;
         Ok(format!("{} m", signed(l.length_m - truth, decimals_of(l.std_m))))
     });
-    environment.add_filter("parameter", |p: Serde<Parameter>| match p.std {
+    environment.add_filter("parameter", |p: Serde<ParameterNumbers>| match p.std {
         Some(std) if std > 0.0 => minus(&format!("{:.*}", decimals_of(std), p.value)),
         _ => minus(&exact(p.value)),
     });
+    environment.add_filter("off_reference", |p: Serde<ParameterNumbers>| match (p.reference, p.std) {
+        (Some(reference), Some(std)) if std > 0.0 => signed((p.value - reference) / std, 1) + "\u{a0}σ",
+        (Some(reference), _) => signed(p.value - reference, 4),
+        (None, _) => String::new(),
+    });
+    environment.add_filter("reference", |p: Serde<ParameterNumbers>| match p.reference {
+        Some(value) => minus(&format!("{:.*}", p.std.map_or(4, decimals_of), value)),
+        None => String::new(),
+    });
+    environment.add_filter("four", |v: f64| significant(v, 4));
+    // Never rounded up to a hundred that is not reached.
+    environment.add_filter("percent_share", |share: f64| format!("{:.0}\u{a0}%", (100.0 * share).floor()));
+    environment.add_filter("percent", |share: f64| format!("{}\u{a0}%", significant(100.0 * share, 2)));
+    environment.add_filter("millimetres", |m: f64| minus(&significant(1e3 * m, 2)));
     environment.add_template("page.html", TEMPLATE)?;
     Ok(environment)
 }

@@ -5,21 +5,20 @@ mod overlay;
 use super::camera::camera_from_parameters;
 use super::context::{ErrorClass, RunContext, StageError};
 use super::georeference::failed;
+use super::target::target;
 use crate::calibration::{BoardPoint, PointResidual};
 use crate::calibration::{
-    Calibration, CalibrationError, ClosedForm, DetectedCorner, Detection, Grey, Lens, LensModel, Marker,
-    MarkerSeen, Observation, SquaresTarget, StartError, Target, ViewPoints, calibrate, detect,
+    Calibration, CalibrationError, ClosedForm, DetectedCorner, Detection, Lens, LensModel,
+    MarkerSeen, Observation, StartError, Target, ViewPoints, calibrate, detect,
 };
 use crate::camera::{Camera, INTERIOR_NAMES, ImagePoint};
 use crate::config::calibrate::{
-    CameraSource, HollowSquare, LensModel as DeclaredLens, ModelSpec, Target as DeclaredTarget,
-    TargetCorners, TargetPhotos,
+    CameraSource, LensModel as DeclaredLens, ModelSpec, TargetCorners, TargetPhotos,
 };
 use crate::config::{Config, Located};
 use crate::formats::camera::{camera_json, camera_opencv_yaml, read_camera};
 use crate::formats::corners::read_pairs;
 use crate::formats::{InputError, files, photo};
-use crate::raster::Image8;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -189,36 +188,11 @@ fn lens_model(declared: ModelSpec, side: bool) -> LensModel {
     LensModel { lens, skew: declared.skew, side }
 }
 
-fn squares_target(declared: &DeclaredTarget) -> Result<Target, StageError> {
-    let marker = match declared.hollow {
-        HollowSquare::UpperLeft => Marker::UpperLeft,
-        HollowSquare::None => Marker::None,
-    };
-    let (rows, columns) = (declared.rows as usize, declared.columns as usize);
-    SquaresTarget::new(rows, columns, declared.square_m, declared.gap_m, marker)
-        .map(Target::Squares)
-        .map_err(|e| StageError::pipeline(format!("[calibrate.target]: {e}")))
-}
-
-/// Brightness as the eye weighs colours (ITU-R BT.601, as JPEG and OpenCV do).
-fn grey(image: &Image8) -> Vec<f32> {
-    if image.channels() == 1 {
-        return image.samples().iter().map(|v| f32::from(*v)).collect();
-    }
-    image
-        .samples()
-        .chunks_exact(3)
-        .map(|rgb| 0.299 * f32::from(rgb[0]) + 0.587 * f32::from(rgb[1]) + 0.114 * f32::from(rgb[2]))
-        .collect()
-}
-
 /// What one photo gave: its size and corners, or why it is not used.
 fn look_at(file: &Path, target: &Target) -> Result<(usize, usize, Detection), String> {
-    let image = photo::decode(file).map_err(|e| e.cause)?;
+    let image = photo::decode_grey(file).map_err(|e| e.cause)?;
     let (width, height) = (image.width(), image.height());
-    let detection = Grey::new(width, height, grey(&image))
-        .map_err(|e| e.to_string())
-        .and_then(|grey| detect(&grey, target).map_err(|e| e.to_string()))?;
+    let detection = detect(&image, target).map_err(|e| e.to_string())?;
     Ok((width, height, detection))
 }
 
@@ -228,7 +202,7 @@ fn from_photos(
     context: &RunContext,
 ) -> Result<Calibrated, StageError> {
     let place = config.at(&declared.patterns);
-    let target = squares_target(&declared.target)?;
+    let target = target(&declared.target)?;
     let found = files::matching(&config.base, &declared.patterns)
         .map_err(|e| StageError::input(e.to_string()).at(place.clone()))?;
     let task = context.task("finding corners", found.len());

@@ -509,6 +509,28 @@ fn simulate_makes_a_survey_and_its_refusals_are_clear() {
 }
 
 #[test]
+fn target_writes_a_sheet_and_the_table_that_declares_it() {
+    let project = Project::new();
+    let squares =
+        ["target", "squares", "--rows", "7", "--columns", "7", "--square", "15.7 mm", "--gap", "15.7 mm"];
+    let seen = project.go(&[&squares[..], &["-o", "sheet.pdf"]].concat());
+    let table = seen.done().stdout.clone();
+    assert!(fs::read(project.path("sheet.pdf")).unwrap().starts_with(b"%PDF-1."));
+    // The table is what a pipeline takes.
+    let pipeline = format!("version = 1\n[calibrate]\nphotos = \"*.png\"\n{table}");
+    boresight::config::Config::from_text(Path::new("p.toml"), &pipeline, &[]).unwrap();
+    project.go(&[&squares[..], &["-o", "sheet.pdf"]].concat()).failed(2, &["sheet.pdf exists", "--force"]);
+    project.go(&[&squares[..], &["-o", "sheet.png"]].concat()).failed(2, &[".pdf or .svg"]);
+    project
+        .go(&[&squares[..], &["-o", "small.svg", "--paper", "a5"]].concat())
+        .failed(2, &["more than A5", "--paper"]);
+    project
+        .go(&[&squares[..], &["-o", "other.svg", "--tag", "1 cm"]].concat())
+        .failed(2, &["`tag` would not be used", "square, gap, hollow"]);
+    assert!(!project.path("small.svg").exists() && !project.path("other.svg").exists());
+}
+
+#[test]
 fn completions_and_schema_are_printed() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let seen = Seen::of(program().args(["completions", shell]));
