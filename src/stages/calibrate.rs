@@ -7,10 +7,10 @@ use super::context::{ErrorClass, RunContext, StageError};
 use super::georeference::failed;
 use crate::calibration::{BoardPoint, PointResidual};
 use crate::calibration::{
-    Calibration, CalibrationError, ClosedForm, DetectedCorner, Detection, Grey, Lens, LensModel, Marker,
+    Calibration, CalibrationError, ClosedForm, DetectedCorner, Detection, Grey, LensModel, Marker,
     MarkerSeen, Observation, SquaresTarget, StartError, ViewPoints, calibrate, detect,
 };
-use crate::camera::{Camera, INTERIOR_NAMES, ImagePoint};
+use crate::camera::{Camera, ImagePoint};
 use crate::config::calibrate::{
     CameraSource, HollowSquare, LensModel as DeclaredLens, ModelSpec, Target, TargetCorners, TargetPhotos,
 };
@@ -181,11 +181,11 @@ fn file_name(path: &Path) -> String {
 
 fn lens_model(declared: ModelSpec, side: bool) -> LensModel {
     let lens = match declared.lens {
-        DeclaredLens::Brown5 => Lens::Brown5,
-        DeclaredLens::Radial2 => Lens::Radial2,
-        DeclaredLens::Radial2Tangential2 => Lens::Radial2Tangential2,
+        DeclaredLens::Brown5 => LensModel::BROWN,
+        DeclaredLens::Radial2 => LensModel::RADIAL2,
+        DeclaredLens::Radial2Tangential2 => LensModel::RADIAL2_TANGENTIAL2,
     };
-    LensModel { lens, skew: declared.skew, side }
+    lens.with_skew(declared.skew).with_side(side)
 }
 
 fn squares_target(declared: &Target) -> Result<SquaresTarget, StageError> {
@@ -442,16 +442,17 @@ fn step_rms(
 
 /// `calibrate.json`: the numbers of the calibration, for the report and for other programs.
 fn summary(made: &Calibrated, calibration: &Calibration, worst: usize) -> String {
-    let interior = calibration.camera.brown.interior();
-    let free = calibration.model.free();
-    let parameters: Vec<Value> = (0..10)
+    let interior = calibration.camera.lens.interior();
+    let names = calibration.camera.lens.names();
+    let free = calibration.model.free;
+    let parameters: Vec<Value> = (0..names.len())
         .map(|k| {
             json!({
-                "name": INTERIOR_NAMES[k],
+                "name": names[k],
                 "value": interior[k],
                 "std": free[k].then_some(calibration.std[k]),
                 "estimated": free[k],
-                "insignificant": calibration.insignificant.contains(&INTERIOR_NAMES[k]),
+                "insignificant": calibration.insignificant.contains(&names[k]),
             })
         })
         .collect();
@@ -499,8 +500,8 @@ fn summary(made: &Calibrated, calibration: &Calibration, worst: usize) -> String
         "image_width_px": calibration.camera.width,
         "image_height_px": calibration.camera.height,
         "parameters": parameters,
-        "correlation": calibration.correlation.row_iter()
-            .map(|row| row.iter().copied().collect::<Vec<f64>>())
+        "correlation": (0..names.len())
+            .map(|i| (0..names.len()).map(|j| calibration.correlation[(i, j)]).collect::<Vec<f64>>())
             .collect::<Vec<_>>(),
         "square_side_excess_m": calibration.side_excess_m
             .map(|(value, std)| json!({ "value": value, "std": std })),
@@ -514,6 +515,7 @@ fn summary(made: &Calibrated, calibration: &Calibration, worst: usize) -> String
             ClosedForm::WithSkew => "with_skew",
             ClosedForm::NoSkew => "no_skew",
             ClosedForm::Centred => "centred_principal_point",
+            ClosedForm::Ladder => "ladder_of_focal_lengths",
         },
         "support": {
             "max_ideal_radius": support.max_ideal_radius,
