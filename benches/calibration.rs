@@ -9,8 +9,8 @@
 //! work on the machine matters little.
 
 use boresight::calibration::{
-    BoardPoint, ChessboardTarget, LensModel, Marker, Observation, SquaresTarget, Target, ViewPoints, calibrate,
-    detect,
+    BoardPoint, ChessboardTarget, LensModel, Marker, Observation, SquaresTarget, Target, ViewPoints,
+    calibrate, detect,
 };
 use boresight::camera::ImagePoint;
 use boresight::formats::photo::decode_grey;

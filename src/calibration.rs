@@ -11,23 +11,35 @@
 //! # Source
 //! Hemerly (2014), "Automatic Georeferencing of Images Acquired by UAV's", section 2, eqs. (1)–(5).
 
+mod adjust;
+mod board;
 mod detect;
 mod grey;
+mod model;
+mod outliers;
 mod product;
 mod quality;
 mod solve;
+mod start;
+mod support;
 mod target;
+mod uncertainty;
 mod zhang;
 
 #[cfg(test)]
 mod rendered;
 
+pub use board::{Bend, BoardShape, Measured};
 pub use detect::{DetectError, DetectedCorner, Detection, LatticeError, MarkerSeen, count, detect};
 pub use grey::{Grey, GreyError};
-pub use quality::{PhotoFault, PhotoQuality, photo_faults, photo_quality};
+pub use model::LensModel;
+pub use outliers::{Outlier, SuspectView};
 pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
-pub use solve::{CalibrationError, Lens, LensModel, calibrate};
+pub use quality::{PhotoFault, PhotoQuality, photo_faults, photo_quality};
+pub use solve::{CalibrationError, Options, OutlierPolicy, calibrate, calibrate_with};
+pub use start::StartError;
 pub use target::{
     Board, BoardPoint, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError, TargetPoint,
 };
-pub use zhang::{ClosedForm, StartError};
+pub use uncertainty::{ProjectionSpread, UncertaintyMap, UncertaintyNode, projection_uncertainty};
+pub use zhang::ClosedForm;

@@ -1,13 +1,31 @@
 //! The camera: interior orientation and lens, both ways, with Jacobians.
 //!
+//! A [`Lens`] is Brown's (the paper's), OpenCV's rational one or a Kannala–Brandt fisheye.
 //! `pixel_from_ray` projects, `ray_from_pixel` inverts, and a pixel whose lens has no inverse is an
 //! `Option::None`, never an extrapolation. Pixel (0, 0) is the centre of the top-left pixel; column runs
 //! right, row runs down.
 
 mod brown;
+mod fisheye;
+mod interval;
+mod inverse;
+mod invertibility;
+mod lens;
+mod plane;
+mod rational;
+mod roots;
 mod sensor;
 
-pub use brown::{Brown, CameraError, INTERIOR_NAMES, InteriorCovariance};
+#[cfg(test)]
+mod check;
+
+pub use brown::Brown;
+pub use fisheye::Fisheye;
+pub use invertibility::{FoldMask, Invertibility};
+pub use lens::{
+    CameraError, Interior, InteriorCovariance, Lens, LensFunction, LensKind, MAX_INTERIOR, Projected,
+};
+pub use rational::Rational;
 pub use sensor::{Camera, PixelRotation};
 
 /// A position in an image: (0, 0) is the centre of the top-left pixel.

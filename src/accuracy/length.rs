@@ -3,7 +3,7 @@
 use super::circular::{self, CircularError};
 use super::model::{PARAMETERS, ParameterCovariance, Persistence, Source};
 use super::propagation::{FramePropagation, PixelAccuracy, PropagationError};
-use crate::camera::ImagePoint;
+use crate::camera::{ImagePoint, MAX_INTERIOR};
 use crate::geodesy::{Geodetic, LocalTangent, WGS84};
 use crate::units::{Metres, Radians};
 use nalgebra::{Matrix1, RowSVector, Vector2};
@@ -120,7 +120,7 @@ fn variance_from(source: Source, row: &RowSVector<f64, PARAMETERS>, parameters: 
     let independent: f64 = source.parameters().map(|k| (row[k] * parameters.std[k]).powi(2)).sum();
     match (source, &parameters.interior) {
         (Source::Interior, Some(interior)) => {
-            let columns = row.fixed_columns::<10>(Source::Interior.parameters().start);
+            let columns = row.fixed_columns::<MAX_INTERIOR>(Source::Interior.parameters().start);
             let variance: Matrix1<f64> = columns * interior * columns.transpose();
             independent + variance[(0, 0)]
         }

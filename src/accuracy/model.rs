@@ -1,11 +1,14 @@
 //! The error model: 1σ of every source, and which errors two pixels share.
 
-use crate::camera::InteriorCovariance;
+use crate::camera::{InteriorCovariance, MAX_INTERIOR};
 use crate::navigation::GimbalReference;
 use std::ops::Range;
 
 /// Number of parameters in a ground point's Jacobian.
-pub const PARAMETERS: usize = 30;
+pub const PARAMETERS: usize = INTERIOR_START + MAX_INTERIOR + 2;
+
+/// First column of the interior parameters.
+const INTERIOR_START: usize = 18;
 
 /// A source of error: one or more columns of the Jacobian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -66,7 +69,7 @@ impl Source {
 
     /// Its columns: position north, east | up | yaw | pitch | roll | gimbal yaw, pitch, roll | boresight
     /// yaw, pitch, roll | lever arm forward, right, down | time along and across the flight | ground
-    /// height | the ten interior parameters | column, row.
+    /// height | the interior parameters of any lens | column, row.
     #[must_use]
     pub const fn parameters(self) -> Range<usize> {
         match self {
@@ -80,8 +83,8 @@ impl Source {
             Self::LeverArm => 12..15,
             Self::Time => 15..17,
             Self::GroundHeight => 17..18,
-            Self::Interior => 18..28,
-            Self::Picking => 28..30,
+            Self::Interior => INTERIOR_START..INTERIOR_START + MAX_INTERIOR,
+            Self::Picking => PARAMETERS - 2..PARAMETERS,
         }
     }
 

@@ -10,6 +10,7 @@
 use super::error_map::PixelGrid;
 use super::model::{ErrorModel, PARAMETERS, ParameterCovariance, Source};
 use super::propagation::{FramePropagation, PropagationError, View};
+use crate::camera::{InteriorCovariance, MAX_INTERIOR};
 use crate::geometry::attitude::YawPitchRoll;
 use crate::geometry::{Displacement, Ned, Rotation};
 use crate::georeference::{Chain, GeoreferencedFrame};
@@ -120,7 +121,7 @@ struct Drawn {
     ned_from_camera: Matrix3<f64>,
     camera_in_ned: Vector3<f64>,
     ground_height_m: f64,
-    interior: SVector<f64, 10>,
+    interior: SVector<f64, MAX_INTERIOR>,
     picking: Vector2<f64>,
 }
 
@@ -129,7 +130,7 @@ struct Drawer<'a> {
     frame: &'a GeoreferencedFrame,
     parameters: &'a ParameterCovariance,
     /// A square root of the interior parameters' covariance.
-    interior_root: Option<SMatrix<f64, 10, 10>>,
+    interior_root: Option<InteriorCovariance>,
     velocity: [Vector3<f64>; 2],
 }
 
@@ -159,14 +160,14 @@ impl<'a> Drawer<'a> {
                     }
                 }
                 let interior = self.interior_root.map_or_else(SVector::zeros, |root| {
-                    root * SVector::<f64, 10>::from_fn(|_, _| StandardNormal.sample(&mut generator))
+                    root * SVector::<f64, MAX_INTERIOR>::from_fn(|_, _| StandardNormal.sample(&mut generator))
                 });
                 self.realise(&errors, interior)
             })
             .collect()
     }
 
-    fn realise(&self, errors: &[f64; PARAMETERS], interior: SVector<f64, 10>) -> Drawn {
+    fn realise(&self, errors: &[f64; PARAMETERS], interior: SVector<f64, MAX_INTERIOR>) -> Drawn {
         let of = |source: Source| &errors[source.parameters()];
         let turned = |angle: Radians, by: f64| Radians::new(angle.get() + by);
         let mut record = self.frame.record.clone();
@@ -347,7 +348,7 @@ mod tests {
         let mut frame = scenes::flight();
         frame.record.velocity = Some(Displacement::new(20.0, -3.0, 0.0));
         let mut camera = scenes::paper_camera();
-        let mut covariance = SMatrix::<f64, 10, 10>::zeros();
+        let mut covariance = InteriorCovariance::zeros();
         covariance[(0, 0)] = 4.0;
         covariance[(3, 3)] = 9.0;
         covariance[(0, 3)] = 3.0;

@@ -2,7 +2,7 @@
 
 use super::circular::{CircularError, ErrorEllipse};
 use super::model::{ErrorModel, ModelError, PARAMETERS, ParameterCovariance, Source};
-use crate::camera::ImagePoint;
+use crate::camera::{ImagePoint, MAX_INTERIOR};
 use crate::geodesy::{Geodetic, LocalTangent, WGS84};
 use crate::geometry::Ned;
 use crate::georeference::{GeoreferencedFrame, GroundPoint, LocateError};
@@ -123,7 +123,7 @@ pub(super) struct View {
     /// Its derivative by the stored pixel.
     pub ray_by_stored: Matrix2<f64>,
     /// Its derivative by the interior parameters.
-    pub ray_by_interior: SMatrix<f64, 2, 10>,
+    pub ray_by_interior: SMatrix<f64, 2, MAX_INTERIOR>,
     /// The ground point.
     pub end: Vector3<f64>,
     /// North at the ground point.
@@ -308,7 +308,7 @@ impl<'a> FramePropagation<'a> {
             sum += column * column.transpose();
         }
         if let (Source::Interior, Some(interior)) = (source, &self.parameters.interior) {
-            let columns = jacobian.fixed_columns::<10>(Source::Interior.parameters().start);
+            let columns = jacobian.fixed_columns::<MAX_INTERIOR>(Source::Interior.parameters().start);
             sum += columns * interior * columns.transpose();
         }
         sum
@@ -343,7 +343,7 @@ impl<'a> FramePropagation<'a> {
         // Towards the fold the derivative grows without bound, over a pixel or two; past this factor the
         // distance to the fold itself is of the order of the errors.
         const MAX_STRETCH: f64 = 10.0;
-        let [fx, fy, ..] = self.frame.camera.brown.interior();
+        let [fx, fy, ..] = self.frame.camera.lens.interior();
         let times = ray_by_sensor.norm() / (1.0 / fx).hypot(1.0 / fy);
         if times > MAX_STRETCH {
             return Err(PropagationError::NearFold { times });
@@ -424,7 +424,7 @@ impl<'a> FramePropagation<'a> {
         // The ray's end moves sideways by the depth along the optical axis times the change of (x, y).
         let depth = self.ned_from_camera.column(2).dot(&sight);
         let axes = self.ned_from_camera.fixed_columns::<2>(0) * depth;
-        for k in 0..10 {
+        for k in 0..MAX_INTERIOR {
             put(first(Source::Interior) + k, on_ground(axes * view.ray_by_interior.column(k), 0.0));
         }
         for k in 0..2 {

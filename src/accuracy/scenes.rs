@@ -10,13 +10,13 @@ use crate::terrain::{ConstantHeight, Terrain};
 use crate::units::Radians;
 use std::sync::Arc;
 
-/// Eqs. (6) and (7) of the paper, 1152 × 648.
+/// Eqs. (6) and (7) of the paper.
+pub(super) const PAPER_INTERIOR: [f64; 10] =
+    [743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.0199, 0.1629, 0.0076, 0.0039, -0.3018];
+
+/// The paper's camera, 1152 × 648.
 pub(super) fn paper_camera() -> Camera {
-    let brown = Brown::new([
-        743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.0199, 0.1629, 0.0076, 0.0039, -0.3018,
-    ])
-    .unwrap();
-    Camera::new(brown, 1152, 648, None).unwrap()
+    Camera::new(Brown::new(PAPER_INTERIOR).unwrap(), 1152, 648, None).unwrap()
 }
 
 /// A record at a position with an attitude in degrees.

@@ -1,10 +1,13 @@
 //! What a calibration is made of and what it returns.
 
-use super::solve::LensModel;
+use super::board::BoardShape;
+use super::model::LensModel;
+use super::outliers::{Outlier, SuspectView};
 use super::target::{Board, BoardPoint, Observation};
 use super::zhang::ClosedForm;
-use crate::camera::{Camera, ImagePoint, InteriorCovariance};
+use crate::camera::{Camera, ImagePoint, Interior, InteriorCovariance, MAX_INTERIOR};
 use crate::geometry::{Camera as CameraFrame, Pose};
+use crate::units::Radians;
 use nalgebra::{Matrix6, SMatrix};
 
 /// The points of one photo that go into a calibration.
@@ -25,6 +28,8 @@ pub struct PointResidual {
     pub observed: ImagePoint,
     /// Where the calibrated camera sees it.
     pub predicted: ImagePoint,
+    /// Weight that its square had in the adjustment: 1 unless it was taken for an outlier.
+    pub weight: f64,
 }
 
 impl PointResidual {
@@ -44,8 +49,9 @@ pub struct View {
     pub camera_from_board: Pose<CameraFrame, Board>,
     /// Covariance of the pose: rotation vector in camera axes (rad), then board origin in the camera (m).
     pub pose_covariance: Matrix6<f64>,
-    /// Covariance between the interior parameters (rows) and the pose (columns).
-    pub interior_pose_covariance: SMatrix<f64, 10, 6>,
+    /// Covariance between the interior parameters (rows, in the order of the lens's names) and the pose
+    /// (columns).
+    pub interior_pose_covariance: SMatrix<f64, MAX_INTERIOR, 6>,
     /// Root mean square distance between observed and predicted points, px.
     pub rms_px: f64,
     /// The points.
@@ -55,11 +61,13 @@ pub struct View {
 /// Where in the frame points of the board have supported the lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Support {
-    /// Largest ideal radius (tangent of the off-axis angle) with a point.
+    /// Largest off-axis angle with a point.
+    pub max_angle: Radians,
+    /// Its tangent, the ideal radius; infinite from 90° on.
     pub max_ideal_radius: f64,
     /// Ideal radius at which the lens folds back; infinite when it never does.
     pub fold_radius: f64,
-    /// Share of the frame whose pixels lie within `max_ideal_radius`.
+    /// Share of the frame whose pixels lie within `max_angle`.
     pub supported_share: f64,
     /// Share of the frame whose pixels have no inverse: the lens has folded back there.
     pub folded_share: f64,
@@ -88,13 +96,23 @@ pub struct Calibration {
     pub rms_px: f64,
     /// Levenberg–Marquardt steps taken.
     pub iterations: usize,
-    /// Standard deviations of the interior parameters in the order of `INTERIOR_NAMES`; 0 when fixed.
-    pub std: [f64; 10],
+    /// Standard deviations of the interior parameters in the order of the lens's names; 0 when fixed.
+    pub std: Interior,
     /// Correlations of the interior parameters; 0 with fixed ones.
     pub correlation: InteriorCovariance,
     /// How much larger than declared the squares look, and its standard deviation, metres; `None` when not
-    /// estimated. Ink spreads and bright paper blooms, so a tenth of a millimetre is common.
+    /// estimated with the camera. Ink spreads and bright paper blooms, so a tenth of a millimetre is common.
     pub side_excess_m: Option<(f64, f64)>,
+    /// What the photos say about the board: its squares, its pitches, its flatness.
+    pub board: BoardShape,
+    /// Standard deviation of one coordinate by the median distance of the points, px: the noise of the bulk
+    /// of them, however far off the others are.
+    pub robust_sigma_px: f64,
+    /// Points much farther off than the bulk, the farthest first; in the adjustment with the weight that is
+    /// said there.
+    pub outliers: Vec<Outlier>,
+    /// Views that fit much worse than the others, the worst first.
+    pub suspects: Vec<SuspectView>,
     /// Estimated parameters that differ from zero by less than two standard deviations.
     pub insignificant: Vec<&'static str>,
     /// Where the lens is supported by points.

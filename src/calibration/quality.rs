@@ -33,7 +33,9 @@ pub struct PhotoQuality {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PhotoFault {
     /// Edges much wider than in the other photos.
-    #[error("blurred: its edges have a standard deviation of {blur_px:.1} px, the median of the photos is {median_px:.1} px")]
+    #[error(
+        "blurred: its edges have a standard deviation of {blur_px:.1} px, the median of the photos is {median_px:.1} px"
+    )]
     Blurred {
         /// Of this photo.
         blur_px: f64,
@@ -232,9 +234,9 @@ mod tests {
     use super::*;
 
     fn seen(pose: usize, look: Look) -> (PhotoQuality, Detection) {
-        let target = SquaresTarget::paper();
+        let target = Target::Squares(SquaresTarget::paper());
         let image = photo(&paper_camera(), &paper_poses()[pose], &target, look);
-        let detection = detect(&image, &Target::Squares(target)).unwrap();
+        let detection = detect(&image, &target).unwrap();
         (photo_quality(&image, 255.0, &detection), detection)
     }
 

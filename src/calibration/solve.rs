@@ -1,59 +1,43 @@
-//! The adjustment: Levenberg–Marquardt on the ten interior parameters and six per view, with covariance.
-//!
-//! The normal equations are block sparse (interior, one block per view), so the views are eliminated one
-//! by one and a 10 × 10 system remains; work grows with the number of points, not with its square.
+//! From observed points to a calibration: start, adjustment, outliers, covariance, and what to say about it.
 //!
 //! # Source
-//! Hemerly (2014), eq. (5): J(θ) = Σ ‖observed − predicted‖², θ of 10 + 6 n parameters.
+//! Hemerly (2014), eqs. (1)–(5).
 
-use super::product::{Calibration, PointResidual, Support, View, ViewPoints};
-use super::target::{BoardPoint, Observation};
-use super::zhang::{self, BoardPose, StartError};
-use crate::camera::{Brown, Camera, CameraError, INTERIOR_NAMES, ImagePoint, InteriorCovariance};
+use super::adjust::{
+    AdjustError, Adjusted, NormalEquations, Problem, Sight, State, adjust, cost, inverse_scaled,
+};
+use super::board::{BOARD_TERMS, BoardEquations, BoardExtent, BoardShape, SIDE};
+use super::model::{FX, FY, LensModel, SKEW, TERMS};
+use super::outliers::{outliers, reweigh, robust_sigma, suspects};
+use super::product::{Calibration, PointResidual, View, ViewPoints};
+use super::start::{Start, StartError, starts};
+use super::support::support;
+use super::target::Observation;
+use super::zhang::{BoardPose, ClosedForm};
+use crate::camera::{
+    Brown, Camera, CameraError, Fisheye, Interior, InteriorCovariance, Lens, LensFunction, LensKind,
+    MAX_INTERIOR, Rational,
+};
 use crate::geometry::{Point, Pose, Rotation};
-use nalgebra::{Matrix2x3, Matrix6, Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector2, Vector3};
 
-/// Parameters common to all views: the interior, then the excess of the squares' side (m).
-const SHARED: usize = 11;
-const SIDE: usize = 10;
-type Shared = SVector<f64, SHARED>;
-type SharedMatrix = SMatrix<f64, SHARED, SHARED>;
-type SharedByPose = SMatrix<f64, SHARED, 6>;
-
-/// Lens terms that are estimated; the others stay zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lens {
-    /// k1, k2.
-    Radial2,
-    /// k1, k2, p1, p2.
-    Radial2Tangential2,
-    /// k1, k2, p1, p2, k3: the paper's.
-    Brown5,
+/// What to do with points that do not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OutlierPolicy {
+    /// All points weigh the same; outliers are named.
+    #[default]
+    Keep,
+    /// Points beyond what the noise of the others explains lose weight, and are named.
+    WeighDown,
 }
 
-/// Which interior parameters are estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LensModel {
-    /// Lens terms.
-    pub lens: Lens,
-    /// Whether the skew is estimated; zero otherwise.
-    pub skew: bool,
-    /// Whether the squares' apparent side is estimated along; as declared otherwise. Not part of the camera:
-    /// ink spreads and bright paper blooms over the black, which moves all corners of a square in or out.
-    pub side: bool,
-}
-
-impl LensModel {
-    /// The paper's model: all ten interior parameters, squares as declared.
-    pub const PAPER: Self = Self { lens: Lens::Brown5, skew: true, side: false };
-
-    /// Which interior parameters are estimated, in the order of [`INTERIOR_NAMES`].
-    #[must_use]
-    pub const fn free(&self) -> [bool; 10] {
-        let tangential = !matches!(self.lens, Lens::Radial2);
-        let k3 = matches!(self.lens, Lens::Brown5);
-        [true, true, self.skew, true, true, true, true, tangential, tangential, k3]
-    }
+/// How a calibration is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// What is estimated.
+    pub model: LensModel,
+    /// What to do with points that do not fit.
+    pub outliers: OutlierPolicy,
 }
 
 /// Why there is no calibration.
@@ -90,6 +74,23 @@ pub enum CalibrationError {
         /// The parameter with the largest share in the undetermined combination.
         parameter: &'static str,
     },
+    /// The target shows too little perspective.
+    #[error(
+        "the focal length is {focal_px:.0} px give or take {std_px:.0} px: the target shows too little \
+         perspective"
+    )]
+    WeakFocalLength {
+        /// Focal length, px.
+        focal_px: f64,
+        /// Its standard deviation, px.
+        std_px: f64,
+    },
+    /// The target is always in the same small part of the frame.
+    #[error("all corners of all photos lie in {:.0} % of the frame", 100.0 * .share)]
+    SmallPart {
+        /// Share of the frame's area that encloses all corners.
+        share: f64,
+    },
 }
 
 /// Calibrates a camera from three or more views of a planar target.
@@ -97,7 +98,7 @@ pub enum CalibrationError {
 /// - `views`: observed points, pixels about the centre of the top-left pixel, board coordinates in metres.
 /// - `width`, `height`: image size, pixels.
 ///
-/// Starts from Zhang's closed form and needs no hint. All coordinates weigh the same.
+/// Starts from a closed form and needs no hint. All coordinates weigh the same.
 ///
 /// # Errors
 /// [`CalibrationError`].
@@ -110,419 +111,377 @@ pub fn calibrate(
     height: u32,
     model: LensModel,
 ) -> Result<Calibration, CalibrationError> {
-    let starts = zhang::starts(views, width, height, model.skew)?;
-    let interior_free = model.free();
+    calibrate_with(views, width, height, Options { model, outliers: OutlierPolicy::Keep })
+}
+
+/// As [`calibrate`], with a choice of what to do about outliers.
+///
+/// # Errors
+/// [`CalibrationError`].
+pub fn calibrate_with(
+    views: &[ViewPoints],
+    width: u32,
+    height: u32,
+    options: Options,
+) -> Result<Calibration, CalibrationError> {
+    let starts = starts(views, width, height, &options.model)?;
+    check_extent(views, width, height)?;
+    let solved = solve(views, width, height, options, starts)?;
+    finish(views, width, height, options.model, solved)
+}
+
+/// The board's points all lie in one small part of the frame: what is outside would be extrapolated.
+fn check_extent(views: &[ViewPoints], width: u32, height: u32) -> Result<(), CalibrationError> {
+    /// A fifth of each side.
+    const LEAST_SHARE: f64 = 0.04;
+    let pixels = || views.iter().flat_map(|view| &view.observations).map(|o| o.pixel);
+    let span = |values: &mut dyn Iterator<Item = f64>| {
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        high - low
+    };
+    let across = span(&mut pixels().map(|p| p.column)) / f64::from(width.max(1));
+    let down = span(&mut pixels().map(|p| p.row)) / f64::from(height.max(1));
+    let share = across * down;
+    if share < LEAST_SHARE { Err(CalibrationError::SmallPart { share }) } else { Ok(()) }
+}
+
+/// Everything an adjustment leaves, for any lens.
+pub(super) struct Solved {
+    pub interior: Interior,
+    pub board: [f64; BOARD_TERMS],
+    pub board_free: [bool; BOARD_TERMS],
+    pub poses: Vec<BoardPose>,
+    pub weights: Vec<Vec<f64>>,
+    pub extent: BoardExtent,
+    pub form: ClosedForm,
+    pub iterations: usize,
+    pub cost: f64,
+    /// Observed coordinates less parameters.
+    pub freedom: usize,
+    /// Covariance of the interior parameters, px² and so on.
+    pub covariance: InteriorCovariance,
+    /// Variances of the board's terms that are estimated.
+    pub board_variances: [f64; BOARD_TERMS],
+    /// Covariance of each pose, and of the interior parameters with it.
+    pub pose_covariances: Vec<(Matrix6<f64>, SMatrix<f64, MAX_INTERIOR, 6>)>,
+    pub shape: BoardShape,
+}
+
+/// Adjusts from the start with the least cost.
+pub(super) fn solve(
+    views: &[ViewPoints],
+    width: u32,
+    height: u32,
+    options: Options,
+    mut starts: Vec<Start>,
+) -> Result<Solved, CalibrationError> {
+    let problem = problem(views, options.model)?;
+    for start in &mut starts {
+        start.interior = options.model.constrained(start.interior, width, height);
+    }
+    let with_board = problem.board_free.contains(&true);
+    let weigh_down = options.outliers == OutlierPolicy::WeighDown;
+    match (options.model.kind, with_board) {
+        (LensKind::Brown, false) => solve_lens::<Brown, 10, 10, 14>(problem, starts, weigh_down),
+        (LensKind::Brown, true) => solve_lens::<Brown, 10, 14, 14>(problem, starts, weigh_down),
+        (LensKind::Rational, false) => solve_lens::<Rational, 13, 13, 17>(problem, starts, weigh_down),
+        (LensKind::Rational, true) => solve_lens::<Rational, 13, 17, 17>(problem, starts, weigh_down),
+        (LensKind::Fisheye, false) => solve_lens::<Fisheye, 9, 9, 13>(problem, starts, weigh_down),
+        (LensKind::Fisheye, true) => solve_lens::<Fisheye, 9, 13, 13>(problem, starts, weigh_down),
+    }
+}
+
+fn problem(views: &[ViewPoints], model: LensModel) -> Result<Problem, CalibrationError> {
+    let sight = |o: &Observation| Sight {
+        board: Vector2::new(o.board.x_m, o.board.y_m),
+        growth: Vector2::new(o.growth.x_m, o.growth.y_m),
+        pixel: Vector2::new(o.pixel.column, o.pixel.row),
+        weight: 1.0,
+    };
+    let sights: Vec<Vec<Sight>> =
+        views.iter().map(|view| view.observations.iter().map(sight).collect()).collect();
+    let extent = BoardExtent::of(sights.iter().flatten().map(|sight| &sight.board));
     // Points that do not move with the side cannot tell it.
-    let grows = |o: &Observation| o.growth.x_m != 0.0 || o.growth.y_m != 0.0;
-    let side = model.side && views.iter().flat_map(|view| &view.observations).any(grows);
-    let free: [bool; SHARED] = std::array::from_fn(|k| interior_free.get(k).copied().unwrap_or(side));
-    let free_count = free.iter().filter(|f| **f).count();
-    let points: usize = views.iter().map(|view| view.observations.len()).sum();
-    let (coordinates, parameters) = (2 * points, free_count + 6 * views.len());
+    let side = model.side && sights.iter().flatten().any(|sight| sight.growth != Vector2::zeros());
+    let board_free = [side, false, model.bend, model.bend];
+    let problem = Problem { views: sights, extent, model, board_free };
+    let coordinates = 2 * problem.points();
+    let parameters = parameters(&problem);
     if coordinates <= parameters {
         return Err(CalibrationError::TooFewPoints { coordinates, parameters });
     }
-    let (start, state) = starts
-        .into_iter()
-        .filter_map(|s| {
-            let mut interior = s.interior;
-            for (value, free) in interior.iter_mut().zip(free) {
-                if !free {
-                    *value = 0.0;
-                }
-            }
-            let state = State { brown: Brown::new(interior).ok()?, side_excess_m: 0.0, poses: s.poses };
-            let cost = cost(&state, views)?;
-            Some((cost, s.form, state))
-        })
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, form, state)| (form, state))
-        .ok_or(StartError::NoCamera)?;
-    let (state, iterations) = minimise(state, views, &free)?;
-    let normal = NormalEquations::new(&state, views, &free).ok_or(StartError::NoCamera)?;
-    let j_total = normal.cost;
-    let variance = j_total / (coordinates - parameters) as f64;
-    let (shared_cofactor, pose_cofactors) = normal.cofactors(&free)?;
+    Ok(problem)
+}
 
-    let mut shared_covariance = shared_cofactor * variance;
-    for k in (0..SHARED).filter(|&k| !free[k]) {
-        shared_covariance.fill_row(k, 0.0);
-        shared_covariance.fill_column(k, 0.0);
+fn parameters(problem: &Problem) -> usize {
+    let board = problem.board_free.iter().filter(|free| **free).count();
+    problem.model.parameters() + board + 6 * problem.views.len()
+}
+
+/// `S`: shared parameters of the adjustment; `B`: the lens's and all of the board's.
+fn solve_lens<L: LensFunction<N>, const N: usize, const S: usize, const B: usize>(
+    mut problem: Problem,
+    starts: Vec<Start>,
+    weigh_down: bool,
+) -> Result<Solved, CalibrationError> {
+    let (form, state) = best_start::<L, N>(&problem, starts)?;
+    let said = |error| said(error, L::KIND);
+    let mut adjusted = adjust::<L, N, S>(&problem, state).map_err(said)?;
+    if weigh_down {
+        adjusted = without_outliers::<L, N, S>(&mut problem, adjusted).map_err(said)?;
     }
-    let covariance: InteriorCovariance = shared_covariance.fixed_view::<10, 10>(0, 0).into_owned();
-    let side_excess_m = side.then(|| (state.side_excess_m, shared_covariance[(SIDE, SIDE)].sqrt()));
-    let std: [f64; 10] = std::array::from_fn(|k| covariance[(k, k)].sqrt());
-    let correlation = InteriorCovariance::from_fn(|i, j| {
-        let scale = std[i] * std[j];
-        if scale > 0.0 { covariance[(i, j)] / scale } else { f64::from(u8::from(i == j && free[i])) }
+    let cofactors = adjusted.cofactors(&problem).map_err(said)?;
+    let used = problem.views.iter().flatten().filter(|sight| sight.weight > 0.0).count();
+    let freedom = (2 * used).saturating_sub(parameters(&problem)).max(1);
+    let variance = adjusted.cost / freedom as f64;
+    let aspect = problem.model.aspect;
+    let free = |k: usize| problem.model.free[k];
+    let covariance = spread(aspect, |i, j| {
+        if i < N && j < N && free(i) && free(j) { cofactors.shared[(i, j)] * variance } else { 0.0 }
     });
-    let values = state.brown.interior();
-    // Focal lengths and principal point are never zero; only skew and lens terms can be.
-    let insignificant = [2, 5, 6, 7, 8, 9]
-        .into_iter()
-        .filter(|&k| free[k] && values[k].abs() < 2.0 * std[k])
-        .map(|k| INTERIOR_NAMES[k])
-        .collect();
-    let camera = Camera::new(state.brown, width, height, Some(covariance))?;
-    let views: Vec<View> = views
+    let pose_covariances = cofactors
+        .poses
         .iter()
-        .zip(&state.poses)
-        .zip(pose_cofactors)
-        .map(|((view, pose), (pose_cofactor, cross))| {
-            let points: Vec<PointResidual> = view
-                .observations
-                .iter()
-                .map(|o| PointResidual {
-                    board: o.board,
-                    observed: o.pixel,
-                    predicted: state.brown.project(ideal(pose, state.place(o)).0).pixel,
-                })
-                .collect();
-            let mut cross = cross.fixed_rows::<10>(0) * variance;
-            for k in (0..10).filter(|&k| !free[k]) {
-                cross.fill_row(k, 0.0);
+        .map(|(pose, cross)| {
+            let mut padded = SMatrix::<f64, MAX_INTERIOR, 6>::zeros();
+            for k in (0..N).filter(|&k| free(k)) {
+                padded.set_row(k, &(cross.row(k) * variance));
             }
-            View {
-                name: view.name.clone(),
-                camera_from_board: Pose::new(
-                    Rotation::from_rotation(pose.rotation),
-                    Point::from_vector(pose.translation),
-                ),
-                pose_covariance: pose_cofactor * variance,
-                interior_pose_covariance: cross,
-                rms_px: root_mean_square(&points),
-                points,
+            if let Some(ratio) = aspect {
+                padded.set_row(FX, &(padded.row(FY) * ratio));
             }
+            (pose * variance, padded)
         })
         .collect();
-    let support = support(&camera, &views);
-    Ok(Calibration {
-        camera,
-        model,
-        start,
-        sigma0_px: variance.sqrt(),
-        j_total,
-        j_per_point: j_total / points as f64,
-        rms_px: (j_total / points as f64).sqrt(),
+    let board_variances = std::array::from_fn(|k| {
+        if S > N && problem.board_free[k] { cofactors.shared[(N + k, N + k)] * variance } else { 0.0 }
+    });
+    let shape = shape::<L, N, B>(&problem, &adjusted.state, freedom);
+    let Adjusted { state, iterations, cost, .. } = adjusted;
+    Ok(Solved {
+        interior: std::array::from_fn(|k| state.interior.get(k).copied().unwrap_or(0.0)),
+        board: state.board,
+        board_free: problem.board_free,
+        poses: state.poses,
+        weights: problem.views.iter().map(|view| view.iter().map(|s| s.weight).collect()).collect(),
+        extent: problem.extent,
+        form,
         iterations,
-        std,
-        correlation,
-        side_excess_m,
-        insignificant,
-        support,
-        views,
+        cost,
+        freedom,
+        covariance,
+        board_variances,
+        pose_covariances,
+        shape,
     })
 }
 
-fn root_mean_square(points: &[PointResidual]) -> f64 {
-    let sum: f64 = points.iter().map(|p| p.distance_px().powi(2)).sum();
-    (sum / points.len() as f64).sqrt()
+/// A covariance by its elements, with fx following fy where their ratio is known.
+fn spread(aspect: Option<f64>, element: impl Fn(usize, usize) -> f64) -> InteriorCovariance {
+    let (source, factor) = match aspect {
+        Some(ratio) => (FY, ratio),
+        None => (FX, 1.0),
+    };
+    let place = |k: usize| if k == FX { (source, factor) } else { (k, 1.0) };
+    InteriorCovariance::from_fn(|i, j| {
+        let ((i, a), (j, b)) = (place(i), place(j));
+        a * b * element(i, j)
+    })
 }
 
-/// Everything that is being estimated.
-#[derive(Clone)]
-struct State {
-    brown: Brown,
-    side_excess_m: f64,
-    poses: Vec<BoardPose>,
+/// The start with the least cost over some of the points of every view.
+fn best_start<L: LensFunction<N>, const N: usize>(
+    problem: &Problem,
+    starts: Vec<Start>,
+) -> Result<(ClosedForm, State<N>), StartError> {
+    const POINTS_PER_VIEW: usize = 12;
+    let thin = |view: &Vec<Sight>| {
+        view.iter().step_by((view.len() / POINTS_PER_VIEW).max(1)).copied().collect::<Vec<_>>()
+    };
+    let sample = Problem { views: problem.views.iter().map(thin).collect(), ..problem.clone() };
+    starts
+        .into_iter()
+        .filter_map(|start| {
+            let interior: [f64; N] = std::array::from_fn(|k| start.interior[k]);
+            let state = State { interior, board: [0.0; BOARD_TERMS], poses: start.poses };
+            Some((cost::<L, N>(&sample, &state)?, start.form, state))
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, form, state)| (form, state))
+        .ok_or(StartError::NoCamera)
 }
 
-impl State {
-    /// Where a point is on the board, given how large the squares really are.
-    fn place(&self, o: &Observation) -> BoardPoint {
-        BoardPoint {
-            x_m: o.board.x_m + o.growth.x_m * self.side_excess_m,
-            y_m: o.board.y_m + o.growth.y_m * self.side_excess_m,
+fn said(error: AdjustError, kind: LensKind) -> CalibrationError {
+    const BOARD: [&str; BOARD_TERMS] =
+        ["the squares' side", "the board's pitch", "the board's sag across", "the board's sag down"];
+    let names = kind.names();
+    match error {
+        AdjustError::NoImage => CalibrationError::Start(StartError::NoCamera),
+        AdjustError::NotConverged { iterations, rms_px } => {
+            CalibrationError::NotConverged { iterations, rms_px }
         }
+        AdjustError::Undetermined(k) => CalibrationError::Undetermined {
+            parameter: names.get(k).or_else(|| BOARD.get(k - names.len())).copied().unwrap_or("the lens"),
+        },
+        AdjustError::UndeterminedPose(_) => CalibrationError::Undetermined { parameter: "a pose" },
     }
 }
 
-/// Ideal image point of a board point, the point in the camera, and its rotated part.
-fn ideal(pose: &BoardPose, board: BoardPoint) -> (Vector2<f64>, Vector3<f64>, Vector3<f64>) {
-    let rotated = pose.rotation * Vector3::new(board.x_m, board.y_m, 0.0);
-    let p = rotated + pose.translation;
-    (Vector2::new(p.x / p.z, p.y / p.z), p, rotated)
-}
-
-/// J of eq. (5), px²; `None` when a point is not in front of the camera or not finite.
-fn cost(state: &State, views: &[ViewPoints]) -> Option<f64> {
-    let mut sum = 0.0;
-    for (pose, view) in state.poses.iter().zip(views) {
-        for o in &view.observations {
-            let (at, p, _) = ideal(pose, state.place(o));
-            if p.z <= 0.0 {
-                return None;
-            }
-            let residual = residual(o.pixel, state.brown.project(at).pixel);
-            sum += residual.norm_squared();
+/// Adjusts anew with the weights that the residuals suggest, until they stay as they are.
+fn without_outliers<L: LensFunction<N>, const N: usize, const S: usize>(
+    problem: &mut Problem,
+    mut adjusted: Adjusted<N, S>,
+) -> Result<Adjusted<N, S>, AdjustError> {
+    const ROUNDS: u32 = 30;
+    const SETTLED: f64 = 1e-3;
+    for _ in 0..ROUNDS {
+        let distances = distances::<L, N>(problem, &adjusted.state);
+        if reweigh(&mut problem.views, &distances) < SETTLED {
+            break;
         }
+        let iterations = adjusted.iterations;
+        adjusted = adjust::<L, N, S>(problem, adjusted.state)?;
+        adjusted.iterations += iterations;
     }
-    sum.is_finite().then_some(sum)
+    Ok(adjusted)
 }
 
-fn residual(observed: ImagePoint, predicted: ImagePoint) -> Vector2<f64> {
-    Vector2::new(observed.column - predicted.column, observed.row - predicted.row)
+/// Distances between observed and predicted points, px; infinite for a point without image.
+fn distances<L: LensFunction<N>, const N: usize>(problem: &Problem, state: &State<N>) -> Vec<Vec<f64>> {
+    let distance = |pose: &BoardPose, sight: &Sight| {
+        let p = pose.rotation * problem.extent.place(sight, &state.board) + pose.translation;
+        L::pixel_with(&state.interior, &p)
+            .map_or(f64::INFINITY, |at| f64::hypot(sight.pixel.x - at.column, sight.pixel.y - at.row))
+    };
+    let poses = state.poses.iter().zip(&problem.views);
+    poses.map(|(pose, view)| view.iter().map(|sight| distance(pose, sight)).collect()).collect()
 }
 
-/// JᵀJ and Jᵀr by blocks.
-struct NormalEquations {
-    shared: SharedMatrix,
-    shared_right: Shared,
-    /// Per view: pose block, coupling to the shared parameters, right-hand side.
-    views: Vec<(Matrix6<f64>, SharedByPose, Vector6<f64>)>,
-    cost: f64,
+/// The board's shape from one more set of normal equations at the solution.
+fn shape<L: LensFunction<N>, const N: usize, const B: usize>(
+    problem: &Problem,
+    state: &State<N>,
+    freedom: usize,
+) -> BoardShape {
+    let nothing = BoardShape { side_excess_m: None, pitch_excess: None, bend: None };
+    let equations = || {
+        let normal = NormalEquations::<B>::with_board::<L, N>(problem, state)?;
+        let (matrix, right) = normal.reduced()?;
+        let lens = inverse_scaled(matrix.fixed_view::<N, N>(0, 0).into_owned())?;
+        let coupling = matrix.fixed_view::<BOARD_TERMS, N>(N, 0).into_owned();
+        let share = coupling * lens;
+        let lens_right: SVector<f64, N> = right.fixed_rows::<N>(0).into_owned();
+        let own = matrix.fixed_view::<BOARD_TERMS, BOARD_TERMS>(N, N).into_owned();
+        let reduced = own - share * coupling.transpose();
+        // A term of which elimination leaves nothing but rounding cannot be told.
+        let visible = std::array::from_fn(|k| reduced[(k, k)] > 1e-10 * own[(k, k)]);
+        Some(BoardEquations {
+            matrix: reduced,
+            right: right.fixed_rows::<BOARD_TERMS>(N) - share * lens_right,
+            cost: normal.cost,
+            freedom: freedom as f64,
+            at: state.board,
+            estimated: problem.board_free,
+            visible,
+        })
+    };
+    equations().map_or(nothing, |equations| equations.shape())
 }
 
-impl NormalEquations {
-    fn new(state: &State, views: &[ViewPoints], free: &[bool; SHARED]) -> Option<Self> {
-        let mut sums = Self {
-            shared: SharedMatrix::zeros(),
-            shared_right: Shared::zeros(),
-            views: Vec::with_capacity(views.len()),
-            cost: 0.0,
-        };
-        for (pose, view) in state.poses.iter().zip(views) {
-            let mut block = Matrix6::zeros();
-            let mut coupling = SharedByPose::zeros();
-            let mut right = Vector6::zeros();
-            for o in &view.observations {
-                let (at, p, rotated) = ideal(pose, state.place(o));
-                if p.z <= 0.0 {
-                    return None;
-                }
-                let projected = state.brown.project(at);
-                let by_camera = projected.by_ideal * Matrix2x3::new(1.0, 0.0, -at.x, 0.0, 1.0, -at.y) / p.z;
-                // exp(δ)·R: d(rotated) = δ × rotated.
-                let mut by_pose = SMatrix::<f64, 2, 6>::zeros();
-                by_pose.fixed_columns_mut::<3>(0).copy_from(&(-by_camera * rotated.cross_matrix()));
-                by_pose.fixed_columns_mut::<3>(3).copy_from(&by_camera);
-                let by_side = by_camera * (pose.rotation * Vector3::new(o.growth.x_m, o.growth.y_m, 0.0));
-                let residual = residual(o.pixel, projected.pixel);
-                for axis in 0..2 {
-                    let mut shared_row = Shared::zeros();
-                    shared_row
-                        .fixed_rows_mut::<10>(0)
-                        .copy_from(&projected.by_interior.row(axis).transpose());
-                    shared_row[SIDE] = by_side[axis];
-                    let pose_row: Vector6<f64> = by_pose.row(axis).transpose();
-                    sums.shared.ger(1.0, &shared_row, &shared_row, 1.0);
-                    coupling.ger(1.0, &shared_row, &pose_row, 1.0);
-                    block.ger(1.0, &pose_row, &pose_row, 1.0);
-                    sums.shared_right.axpy(residual[axis], &shared_row, 1.0);
-                    right.axpy(residual[axis], &pose_row, 1.0);
-                }
-                sums.cost += residual.norm_squared();
-            }
-            for k in (0..SHARED).filter(|&k| !free[k]) {
-                coupling.fill_row(k, 0.0);
-            }
-            sums.views.push((block, coupling, right));
-        }
-        for k in (0..SHARED).filter(|&k| !free[k]) {
-            sums.shared.fill_row(k, 0.0);
-            sums.shared.fill_column(k, 0.0);
-            sums.shared[(k, k)] = 1.0;
-            sums.shared_right[k] = 0.0;
-        }
-        sums.cost.is_finite().then_some(sums)
-    }
-
-    /// The step for a damping, and its length in pixels: √(δᵀJᵀr), the norm of the change of all
-    /// residuals when the damping is small.
-    fn step(&self, damping: f64) -> Option<(Shared, Vec<Vector6<f64>>, f64)> {
-        let mut reduced = self.shared;
-        for k in 0..SHARED {
-            reduced[(k, k)] *= 1.0 + damping;
-        }
-        let mut right = self.shared_right;
-        let mut inverses = Vec::with_capacity(self.views.len());
-        for (block, coupling, view_right) in &self.views {
-            let mut block = *block;
-            for k in 0..6 {
-                block[(k, k)] *= 1.0 + damping;
-            }
-            let inverse = inverse_scaled(block)?;
-            let share = coupling * inverse;
-            reduced -= share * coupling.transpose();
-            right -= share * view_right;
-            inverses.push(inverse);
-        }
-        let shared = inverse_scaled(reduced)? * right;
-        let mut length = shared.dot(&self.shared_right);
-        let mut poses = Vec::with_capacity(self.views.len());
-        for ((_, coupling, view_right), inverse) in self.views.iter().zip(inverses) {
-            let pose = inverse * (view_right - coupling.transpose() * shared);
-            length += pose.dot(view_right);
-            poses.push(pose);
-        }
-        Some((shared, poses, length.max(0.0).sqrt()))
-    }
-
-    /// (JᵀJ)⁻¹ by blocks: shared parameters, and per view the pose and its coupling to them.
-    #[expect(clippy::type_complexity, reason = "used once, next to its definition")]
-    fn cofactors(
-        &self,
-        free: &[bool; SHARED],
-    ) -> Result<(SharedMatrix, Vec<(Matrix6<f64>, SharedByPose)>), CalibrationError> {
-        let unfound = |k: usize| CalibrationError::Undetermined {
-            parameter: INTERIOR_NAMES.get(k).copied().unwrap_or("the squares' side"),
-        };
-        let mut reduced = self.shared;
-        let mut parts = Vec::with_capacity(self.views.len());
-        for (block, coupling, _) in &self.views {
-            let inverse =
-                inverse_scaled(*block).ok_or(CalibrationError::Undetermined { parameter: "a pose" })?;
-            let share = coupling * inverse;
-            reduced -= share * coupling.transpose();
-            parts.push((inverse, share));
-        }
-        // With unit diagonal, a vanishing eigenvalue is a combination of parameters that nothing fixes.
-        for k in (0..SHARED).filter(|&k| free[k]) {
-            let kept = reduced[(k, k)] / self.shared[(k, k)];
-            if kept.is_nan() || kept <= 1e-12 {
-                return Err(unfound(k));
-            }
-        }
-        let scale = Shared::from_fn(|k, _| 1.0 / reduced[(k, k)].sqrt());
-        let scaled = SharedMatrix::from_fn(|i, j| scale[i] * scale[j] * reduced[(i, j)]);
-        let eigen = scaled.symmetric_eigen();
-        let least = eigen.eigenvalues.imin();
-        if eigen.eigenvalues[least] <= 1e-13 * eigen.eigenvalues.max() {
-            return Err(unfound(eigen.eigenvectors.column(least).iamax()));
-        }
-        let shared = inverse_scaled(reduced).ok_or_else(|| unfound(0))?;
-        let poses = parts
-            .into_iter()
-            .map(|(inverse, share)| {
-                let cross = -shared * share;
-                (inverse - share.transpose() * cross, cross)
-            })
-            .collect();
-        Ok((shared, poses))
-    }
-}
-
-/// Inverse of a symmetric positive definite matrix whose rows differ widely in scale.
-fn inverse_scaled<const N: usize>(matrix: SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
-    let mut scale = SVector::<f64, N>::zeros();
-    for k in 0..N {
-        if matrix[(k, k)] <= 0.0 {
-            return None;
-        }
-        scale[k] = 1.0 / matrix[(k, k)].sqrt();
-    }
-    let scaled = SMatrix::<f64, N, N>::from_fn(|i, j| scale[i] * scale[j] * matrix[(i, j)]);
-    let inverse = scaled.cholesky()?.inverse();
-    Some(SMatrix::from_fn(|i, j| scale[i] * scale[j] * inverse[(i, j)]))
-}
-
-/// Levenberg–Marquardt from a start to the least cost.
-fn minimise(
-    mut state: State,
+/// The product of an adjustment.
+fn finish(
     views: &[ViewPoints],
-    free: &[bool; SHARED],
-) -> Result<(State, usize), CalibrationError> {
-    const MAX_STEPS: usize = 300;
-    const LARGEST_DAMPING: f64 = 1e14;
-    let mut damping = 1e-3;
-    let mut normal = NormalEquations::new(&state, views, free).ok_or(StartError::NoCamera)?;
-    let points: usize = views.iter().map(|view| view.observations.len()).sum();
-    let mut iterations = 0;
-    while iterations < MAX_STEPS {
-        iterations += 1;
-        let trial = normal.step(damping).and_then(|(shared, poses, length)| {
-            let mut interior = state.brown.interior();
-            interior.iter_mut().zip(shared.iter()).for_each(|(value, step)| *value += step);
-            let next = State {
-                brown: Brown::new(interior).ok()?,
-                side_excess_m: state.side_excess_m + shared[SIDE],
-                poses: state
-                    .poses
-                    .iter()
-                    .zip(&poses)
-                    .map(|(pose, step)| BoardPose {
-                        rotation: Rotation3::new(step.fixed_rows::<3>(0).into_owned()) * pose.rotation,
-                        translation: pose.translation + step.fixed_rows::<3>(3),
-                    })
-                    .collect(),
-            };
-            let next_cost = cost(&next, views)?;
-            Some((next, next_cost, length))
-        });
-        // A step that would change the residuals by less than a billionth of themselves, or by less than
-        // 1e-10 px over all points, is the end; so is one of a ten millionth when rounding hides whether
-        // it still lowers the cost.
-        let at_rest = |length: f64, share: f64| length <= share * normal.cost.sqrt() + 1e-10;
-        match trial {
-            Some((next, next_cost, length)) if next_cost < normal.cost => {
-                let done = at_rest(length, 1e-9);
-                normal = NormalEquations::new(&next, views, free).ok_or(StartError::NoCamera)?;
-                state = next;
-                // Undamped near the solution, so that convergence is quadratic.
-                damping = if damping < 1e-9 { 0.0 } else { damping * 0.1 };
-                if done {
-                    return Ok((state, iterations));
-                }
-            }
-            Some((_, _, length)) if damping < 1e-3 && at_rest(length, 1e-7) => {
-                return Ok((state, iterations));
-            }
-            _ => {
-                damping = (damping * 10.0).max(1e-9);
-                if damping > LARGEST_DAMPING {
-                    break;
-                }
-            }
-        }
+    width: u32,
+    height: u32,
+    model: LensModel,
+    solved: Solved,
+) -> Result<Calibration, CalibrationError> {
+    let lens = Lens::new(model.kind, &solved.interior)?;
+    let covariance = solved.covariance;
+    let std: Interior = std::array::from_fn(|k| covariance[(k, k)].sqrt());
+    if std[FY] > WEAK_FOCAL * solved.interior[FY] {
+        let (focal_px, std_px) = (solved.interior[FY], std[FY]);
+        return Err(CalibrationError::WeakFocalLength { focal_px, std_px });
     }
-    let rms_px = (normal.cost / points as f64).sqrt();
-    Err(CalibrationError::NotConverged { iterations, rms_px })
+    let correlation = InteriorCovariance::from_fn(|i, j| {
+        let scale = std[i] * std[j];
+        if scale > 0.0 { covariance[(i, j)] / scale } else { f64::from(u8::from(i == j && model.free[i])) }
+    });
+    let camera = Camera::new(lens, width, height, Some(covariance))?;
+    let adjusted: Vec<View> = views
+        .iter()
+        .enumerate()
+        .map(|(index, view)| finished_view(view, index, &lens, &solved))
+        .collect::<Option<_>>()
+        .ok_or(StartError::NoCamera)?;
+    let points: usize = views.iter().map(|view| view.observations.len()).sum();
+    let j_total: f64 = adjusted.iter().flat_map(|v| &v.points).map(|p| p.distance_px().powi(2)).sum();
+    let robust_sigma_px =
+        robust_sigma(adjusted.iter().flat_map(|v| &v.points).map(PointResidual::distance_px));
+    // Focal lengths and principal point are never zero; only skew and lens terms can be.
+    let insignificant = std::iter::once(SKEW)
+        .chain(TERMS..MAX_INTERIOR)
+        .filter(|&k| model.free[k] && solved.interior[k].abs() < 2.0 * std[k])
+        .map(|k| model.kind.names()[k])
+        .collect();
+    Ok(Calibration {
+        support: support(&camera, &adjusted),
+        outliers: outliers(&adjusted, robust_sigma_px),
+        suspects: suspects(&adjusted),
+        camera,
+        model,
+        start: solved.form,
+        views: adjusted,
+        sigma0_px: (solved.cost / solved.freedom as f64).sqrt(),
+        j_total,
+        j_per_point: j_total / points as f64,
+        rms_px: (j_total / points as f64).sqrt(),
+        iterations: solved.iterations,
+        std,
+        correlation,
+        side_excess_m: solved.board_free[SIDE]
+            .then(|| (solved.board[SIDE], solved.board_variances[SIDE].sqrt())),
+        board: solved.shape,
+        robust_sigma_px,
+        insignificant,
+    })
 }
 
-/// Where in the frame the lens is supported by points.
-fn support(camera: &Camera, views: &[View]) -> Support {
-    const CELLS: (usize, usize) = (8, 6);
-    const GRID: (u32, u32) = (64, 48);
-    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let mut covered = [false; CELLS.0 * CELLS.1];
-    let mut max_ideal_radius = 0.0_f64;
-    for view in views {
-        let rotation = view.camera_from_board.rotation.matrix();
-        let origin = view.camera_from_board.origin.vector();
-        for point in &view.points {
-            let p = rotation * Vector3::new(point.board.x_m, point.board.y_m, 0.0) + origin;
-            max_ideal_radius = max_ideal_radius.max(f64::hypot(p.x, p.y) / p.z);
-            let cell = |at: f64, size: f64, cells: usize| {
-                let share = (at + 0.5) / size;
-                (0.0..1.0).contains(&share).then_some((share * cells as f64) as usize)
+/// Share of the focal length that its standard deviation may reach.
+const WEAK_FOCAL: f64 = 0.1;
+
+fn finished_view(view: &ViewPoints, index: usize, lens: &Lens, solved: &Solved) -> Option<View> {
+    let pose = &solved.poses[index];
+    let points: Vec<PointResidual> = view
+        .observations
+        .iter()
+        .zip(&solved.weights[index])
+        .map(|(o, &weight)| {
+            let sight = Sight {
+                board: Vector2::new(o.board.x_m, o.board.y_m),
+                growth: Vector2::new(o.growth.x_m, o.growth.y_m),
+                pixel: Vector2::zeros(),
+                weight,
             };
-            let column = cell(point.observed.column, width, CELLS.0);
-            let row = cell(point.observed.row, height, CELLS.1);
-            if let (Some(column), Some(row)) = (column, row) {
-                covered[row * CELLS.0 + column] = true;
-            }
-        }
-    }
-    let (mut supported, mut folded) = (0_u32, 0_u32);
-    for r in 0..GRID.1 {
-        for c in 0..GRID.0 {
-            let at = |k: u32, cells: u32, size: f64| f64::from(k) / f64::from(cells - 1) * (size - 1.0);
-            let pixel = ImagePoint::new(at(c, GRID.0, width), at(r, GRID.1, height));
-            match camera.brown.ideal_from_pixel(pixel) {
-                None => folded += 1,
-                Some(ideal) if ideal.norm() <= max_ideal_radius => supported += 1,
-                Some(_) => {}
-            }
-        }
-    }
-    let cells = f64::from(GRID.0 * GRID.1);
-    Support {
-        max_ideal_radius,
-        fold_radius: camera.brown.fold_radius(),
-        supported_share: f64::from(supported) / cells,
-        folded_share: f64::from(folded) / cells,
-        covered_cells: covered.iter().filter(|c| **c).count() as f64 / covered.len() as f64,
-    }
+            let p: Vector3<f64> =
+                pose.rotation * solved.extent.place(&sight, &solved.board) + pose.translation;
+            let predicted = lens.project(&p)?.pixel;
+            Some(PointResidual { board: o.board, observed: o.pixel, predicted, weight })
+        })
+        .collect::<Option<_>>()?;
+    let sum: f64 = points.iter().map(|p| p.distance_px().powi(2)).sum();
+    let (pose_covariance, interior_pose_covariance) = solved.pose_covariances[index];
+    Some(View {
+        name: view.name.clone(),
+        camera_from_board: Pose::new(
+            Rotation::from_rotation(pose.rotation),
+            Point::from_vector(pose.translation),
+        ),
+        pose_covariance,
+        interior_pose_covariance,
+        rms_px: (sum / points.len() as f64).sqrt(),
+        points,
+    })
 }
 
 #[cfg(test)]

@@ -1,20 +1,21 @@
 //! A calibrated camera: interior orientation, image size and covariance; and pixels that a program turned.
 
 use super::ImagePoint;
-use super::brown::{Brown, CameraError, InteriorCovariance};
+use super::lens::{CameraError, InteriorCovariance, Lens, MAX_INTERIOR};
 use crate::geometry::{Camera as CameraFrame, Displacement};
-use nalgebra::{Matrix2, SMatrix, Vector2};
+use nalgebra::{Matrix2, SMatrix};
 
 /// A camera as the later stages use it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
     /// Interior orientation and lens.
-    pub brown: Brown,
+    pub lens: Lens,
     /// Image width, pixels.
     pub width: u32,
     /// Image height, pixels.
     pub height: u32,
-    /// Covariance of the interior parameters, when the calibration knows it.
+    /// Covariance of the interior parameters in the order of the lens's names, when the calibration knows
+    /// it.
     pub covariance: Option<InteriorCovariance>,
 }
 
@@ -24,7 +25,7 @@ impl Camera {
     /// # Errors
     /// [`CameraError::EmptyImage`].
     pub fn new(
-        brown: Brown,
+        lens: impl Into<Lens>,
         width: u32,
         height: u32,
         covariance: Option<InteriorCovariance>,
@@ -32,7 +33,7 @@ impl Camera {
         if width == 0 || height == 0 {
             return Err(CameraError::EmptyImage { width, height });
         }
-        Ok(Self { brown, width, height, covariance })
+        Ok(Self { lens: lens.into(), width, height, covariance })
     }
 
     /// The middle of the image (not the principal point).
@@ -51,10 +52,11 @@ impl Camera {
     }
 
     /// Viewing ray of a pixel: a direction whose component along the optical axis is 1, or `None` where
-    /// the lens has no inverse.
+    /// the lens has no inverse. What a fisheye sees 89° and more off axis has no such ray: see
+    /// [`Lens::direction_from_pixel`].
     #[must_use]
     pub fn ray_from_pixel(&self, pixel: ImagePoint) -> Option<Displacement<CameraFrame>> {
-        self.brown.ideal_from_pixel(pixel).map(|ideal| Displacement::new(ideal.x, ideal.y, 1.0))
+        self.lens.ideal_from_pixel(pixel).map(|ideal| Displacement::new(ideal.x, ideal.y, 1.0))
     }
 
     /// Pixel in which a direction is seen, or `None` behind the camera or past the fold of the lens. The
@@ -64,7 +66,7 @@ impl Camera {
         if ray.z() <= 0.0 {
             return None;
         }
-        self.brown.pixel_from_ideal(Vector2::new(ray.x() / ray.z(), ray.y() / ray.z()))
+        self.lens.pixel_from_point(&ray.vector())
     }
 
     /// True unless the lens squeezes the scene there to less than a quarter of its size elsewhere.
@@ -74,18 +76,21 @@ impl Camera {
     #[must_use]
     pub fn resolves(&self, ray: Displacement<CameraFrame>) -> bool {
         const LEAST_MAGNIFICATION: f64 = 0.25;
-        self.brown.magnification(Vector2::new(ray.x() / ray.z(), ray.y() / ray.z())) >= LEAST_MAGNIFICATION
+        self.lens.magnification(&ray.vector()) >= LEAST_MAGNIFICATION
     }
 
-    /// Derivatives of the viewing ray's (x, y) by the pixel (2×2) and by the interior parameters (2×10),
-    /// or `None` where the lens has no inverse.
+    /// Derivatives of the viewing ray's (x, y) by the pixel (2×2) and by the interior parameters (in the
+    /// order of the lens's names, then zeros), or `None` where the lens has no inverse.
     ///
     /// # Source
-    /// Implicit function theorem on [`Brown::project`].
+    /// Implicit function theorem on [`Lens::project`].
     #[must_use]
-    pub fn ray_derivatives(&self, pixel: ImagePoint) -> Option<(Matrix2<f64>, SMatrix<f64, 2, 10>)> {
-        let projected = self.brown.project(self.brown.ideal_from_pixel(pixel)?);
-        let by_pixel = projected.by_ideal.try_inverse()?;
+    pub fn ray_derivatives(
+        &self,
+        pixel: ImagePoint,
+    ) -> Option<(Matrix2<f64>, SMatrix<f64, 2, MAX_INTERIOR>)> {
+        let projected = self.lens.project(&self.lens.ideal_from_pixel(pixel)?.push(1.0))?;
+        let by_pixel = projected.by_point.fixed_columns::<2>(0).into_owned().try_inverse()?;
         Some((by_pixel, -by_pixel * projected.by_interior))
     }
 }
@@ -162,6 +167,7 @@ impl PixelRotation {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Brown;
     use super::*;
 
     #[test]

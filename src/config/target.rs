@@ -174,7 +174,11 @@ impl TargetSpec {
                     let all: Vec<&str> = needed.iter().chain(optional).copied().collect();
                     return Err(TargetFault {
                         place: Some(place),
-                        what: format!("`{key}` would not be used: {} takes {}", self.kind.name(), all.join(", ")),
+                        what: format!(
+                            "`{key}` would not be used: {} takes {}",
+                            self.kind.name(),
+                            all.join(", ")
+                        ),
                     });
                 }
                 None if needed.contains(&key) => {

@@ -1,8 +1,10 @@
 //! What is accepted, what is refused, and whether the refusal points at the right place with the right words.
 
 use super::accuracy::CheckPosition;
+use super::calibrate::LensChoice;
 use super::georeference::{Crs, GimbalAngle, GimbalReference, Ground, HeightAboveGround};
 use super::log::{HeightReference, Join, PositionColumns, VerticalDatum, YawReference};
+use super::target::{HollowSquare, Pattern};
 use super::*;
 
 /// A pipeline that uses nearly every table.
@@ -155,13 +157,49 @@ fn assert_refused(text: &str, at: &str, message: &str, help: &str) {
 }
 
 #[test]
+fn a_target_takes_the_keys_of_its_kind() {
+    let with = |target: &str| {
+        format!("version = 1\n[calibrate]\nphotos = \"*.png\"\n[calibrate.target]\n{target}\n")
+    };
+    let board = "kind = \"chessboard\"\nsquare = \"30 mm\"";
+    let config = read(&with(board)).unwrap();
+    let CameraSource::Photos(photos) = config.calibrate.camera else { panic!("photos") };
+    assert_eq!(photos.target.pattern, Pattern::Chessboard { square_m: 0.03 });
+    assert_eq!(photos.target.size, None, "counted when not given");
+    assert_eq!(photos.model.lens, LensChoice::Auto);
+    assert_refused(&with(&format!("{board}\nrows = 6")), "rows = 6", "give both `rows` and `columns`", "");
+    assert_refused(
+        &with(&format!("{board}\nrows = 1\ncolumns = 9")),
+        "rows = 1",
+        "2 or more rows of inner corners, not 1",
+        "",
+    );
+    assert_refused(
+        &with(&format!("{board}\ngap = \"1 cm\"")),
+        "gap",
+        "`gap` would not be used: chessboard takes square",
+        "",
+    );
+    assert_refused(
+        &with("kind = \"circles\"\nspacing = \"2 cm\""),
+        "[calibrate.target]",
+        "needs `diameter`",
+        "",
+    );
+    assert_refused(&with("kind = \"chessboard\"\nsquare = \"0 mm\""), "square = ", "must be above 0", "");
+    let model = format!("{}[calibrate.model]\naspect = -1.0\n", with(board));
+    assert_refused(&model, "[calibrate.model]", "`aspect` is -1; it must be above 0", "");
+}
+
+#[test]
 fn a_full_pipeline_is_resolved_to_si_units_and_paths_from_its_folder() {
     let config = read(FULL).unwrap();
     assert_eq!(config.run.output.value, Path::new("pipelines/../out/demo"));
     assert_eq!(config.run.requires[0].path.value, Path::new("pipelines/data"));
     let CameraSource::Photos(photos) = &config.calibrate.camera else { panic!("photos") };
     assert_eq!(photos.patterns.value, ["calibration/*.png", "more/*.png"]);
-    assert_eq!(photos.target.square_m, 0.0157);
+    let Pattern::Squares { square_m, hollow, .. } = photos.target.pattern else { panic!("squares") };
+    assert_eq!((square_m, hollow, photos.target.size), (0.0157, HollowSquare::UpperLeft, Some((7, 7))));
     let georeference = config.georeference.as_ref().unwrap();
     assert_eq!(georeference.crs.value, Crs::Given("EPSG:32617".into()));
     assert!(georeference.orthos);

@@ -194,8 +194,7 @@ fn decode_jpeg(bytes: &[u8]) -> Result<Image8, String> {
     affordable(u32::from(info.width), u32::from(info.height), channels as u64)?;
     decoder.set_options(options.jpeg_set_out_colorspace(space));
     let samples = decoder.decode().map_err(broken)?;
-    Image8::new(usize::from(info.width), usize::from(info.height), channels, samples)
-        .ok_or_else(unfilled)
+    Image8::new(usize::from(info.width), usize::from(info.height), channels, samples).ok_or_else(unfilled)
 }
 
 /// Walks the markers up to the end-of-image marker; whatever cameras append after it does not matter.

@@ -63,6 +63,8 @@ pub struct CalibrationNumbers {
     pub rejected_photos: Vec<RejectedNumbers>,
     /// What would make the camera better known.
     pub advice: Vec<String>,
+    /// The photo that fits worst: whose overlay the page shows.
+    pub overlay_of: Option<String>,
     /// Pictures beside `calibrate.json`.
     pub figures: Vec<FigureFile>,
     /// What the user should know before trusting the camera.

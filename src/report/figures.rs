@@ -59,7 +59,14 @@ pub(super) fn finished(scene: &Scene) -> Result<Figure, FigureError> {
     Ok(Figure { svg: SvgBackend::default().render_scene(scene), png })
 }
 
-pub(super) fn text(scene: &mut Scene, at: (f64, f64), content: &str, size: u32, anchor: TextAnchor, color: Color) {
+pub(super) fn text(
+    scene: &mut Scene,
+    at: (f64, f64),
+    content: &str,
+    size: u32,
+    anchor: TextAnchor,
+    color: Color,
+) {
     scene.add(Primitive::Text {
         x: at.0,
         y: at.1,

@@ -116,7 +116,11 @@ pub fn coverage(
             y: TOP + (i / cells.0) as f64 * cell_h,
             width: cell_w,
             height: cell_h,
-            fill: if *count == 0 { Color::Rgb(255, 244, 230) } else { tint(f64::from(*count) / f64::from(most)) },
+            fill: if *count == 0 {
+                Color::Rgb(255, 244, 230)
+            } else {
+                tint(f64::from(*count) / f64::from(most))
+            },
             stroke: None,
             stroke_width: None,
             opacity: None,
@@ -165,7 +169,8 @@ mod tests {
     #[test]
     fn coverage_counts_its_points_and_hatches_what_nothing_supports() {
         let hatched = |unsupported: &[bool]| {
-            let svg = coverage((400, 300), &[[5.0, 5.0], [399.4, 299.4]], (8, 6), unsupported, 4).unwrap().svg;
+            let svg =
+                coverage((400, 300), &[[5.0, 5.0], [399.4, 299.4]], (8, 6), unsupported, 4).unwrap().svg;
             assert!(svg.contains("2 points"), "{svg}");
             svg.matches("#c05621").count() + svg.matches("rgb(192,86,33)").count()
         };

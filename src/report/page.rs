@@ -286,6 +286,7 @@ fn environment() -> Result<Environment<'static>, minijinja::Error> {
         Some(value) => minus(&format!("{:.*}", p.std.map_or(4, decimals_of), value)),
         None => String::new(),
     });
+    environment.add_filter("two_signed", |v: f64| minus(&two_digits(v)));
     environment.add_filter("four", |v: f64| significant(v, 4));
     // Never rounded up to a hundred that is not reached.
     environment.add_filter("percent_share", |share: f64| format!("{:.0}\u{a0}%", (100.0 * share).floor()));
@@ -307,8 +308,16 @@ fn summary(page: &Page) -> String {
             "{} photos, georeferenced from the UAV's own attitude and position without ground control points, in {}.",
             survey.frames_used, survey.crs
         )),
-        _ if page.calibration.is_some() => words.push("A camera and its lens.".to_owned()),
-        _ => {}
+        _ => match page.calibration.as_ref().and_then(|c| c.adjustment.as_ref()) {
+            Some(made) => words.push(format!(
+                "A camera of {} × {} pixels, calibrated from {} photos of a planar target.",
+                made.image_width_px,
+                made.image_height_px,
+                made.views.len()
+            )),
+            None if page.calibration.is_some() => words.push("A camera and its lens.".to_owned()),
+            None => {}
+        },
     }
     if let Some(map) = page.accuracy.as_ref().and_then(|a| a.numbers.map.as_ref()) {
         words.push(format!(

@@ -1,25 +1,26 @@
 //! `calibrate`: a camera file, written parameters, photos of a target or known corners in, one camera out.
 
+mod model;
+pub(super) mod numbers;
 mod overlay;
+mod photos;
+mod pictures;
 
 use super::camera::camera_from_parameters;
-use super::context::{ErrorClass, RunContext, StageError};
+use super::context::{RunContext, StageError};
 use super::georeference::failed;
-use super::target::target;
-use crate::calibration::{BoardPoint, PointResidual};
 use crate::calibration::{
-    Calibration, CalibrationError, ClosedForm, DetectedCorner, Detection, Lens, LensModel,
-    MarkerSeen, Observation, StartError, Target, ViewPoints, calibrate, detect,
+    BoardPoint, Calibration, CalibrationError, Detection, Observation, PhotoQuality, StartError, Target,
+    ViewPoints,
 };
-use crate::camera::{Camera, INTERIOR_NAMES, ImagePoint};
-use crate::config::calibrate::{
-    CameraSource, LensModel as DeclaredLens, ModelSpec, TargetCorners, TargetPhotos,
-};
+use crate::camera::{Camera, ImagePoint, Invertibility};
+use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};
 use crate::config::{Config, Located};
+use crate::formats::InputError;
 use crate::formats::camera::{camera_json, camera_opencv_yaml, read_camera};
 use crate::formats::corners::read_pairs;
-use crate::formats::{InputError, files, photo};
-use rayon::prelude::*;
+use crate::report::calibration::ChoiceNumbers;
+use model::{Fitted, fit};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -27,6 +28,10 @@ use std::sync::Arc;
 
 /// The stage's main product, read back by later stages.
 pub const CAMERA_FILE: &str = "camera.json";
+/// The stage's numbers.
+pub const NUMBERS_FILE: &str = "calibrate.json";
+/// The picture of the three estimates.
+pub const STEPS_PICTURE: &str = "steps.png";
 
 /// The camera, and how it came about.
 #[derive(Debug, Clone)]
@@ -35,14 +40,24 @@ pub struct Calibrated {
     pub camera: Arc<Camera>,
     /// The adjustment, when the camera was calibrated in this run.
     pub calibration: Option<Calibration>,
+    /// How the lens was chosen, when several were compared.
+    pub choice: Option<ChoiceNumbers>,
+    /// The target, and whether its rows and columns were counted; when photos were given.
+    pub target: Option<(Target, bool)>,
     /// Photos of the target: those used, in the order of the calibration's views.
     pub photos: Vec<TargetPhoto>,
     /// Photos of the target that could not be used, ordered by name.
     pub rejected: Vec<RejectedPhoto>,
+    /// A camera to compare with.
+    pub reference: Option<Camera>,
+    /// Height above ground for uncertainties in metres.
+    pub report_height_m: f64,
     /// Files that were read.
     pub inputs: Vec<PathBuf>,
     /// What the user should know but need not act on.
     pub notes: Vec<String>,
+    /// What would make the camera better known.
+    pub advice: Vec<String>,
     /// Where the camera's numbers come from, for its file.
     source: Value,
 }
@@ -54,15 +69,23 @@ pub struct TargetPhoto {
     pub file: PathBuf,
     /// Its corners.
     pub detection: Detection,
+    /// How well it shows them.
+    pub quality: PhotoQuality,
 }
 
-/// A photo without usable corners.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// A photo that is not used.
+#[derive(Debug, Clone, Serialize)]
 pub struct RejectedPhoto {
+    /// The file.
+    #[serde(skip)]
+    pub path: PathBuf,
     /// File name.
     pub file: String,
     /// Why.
     pub reason: String,
+    /// The target's corners, when it was found.
+    #[serde(skip)]
+    pub detection: Option<Detection>,
 }
 
 /// Makes the camera that the pipeline declares, in memory.
@@ -116,9 +139,9 @@ pub fn look(config: &Config, run_folder: &Path) -> Result<Camera, StageError> {
     }
 }
 
-/// Makes the camera and writes `camera.json` and `camera-opencv.yaml`; after a calibration also
-/// `calibrate.json` (its numbers), `corners.csv` and, from photos, `overlay.png` (the calibrated camera's view
-/// of the target over the photo that fits worst).
+/// Makes the camera and writes it in every format that can hold it; after a calibration also `calibrate.json` (its
+/// numbers), `corners.csv` and pictures: residuals, coverage, uncertainty, and from photos the calibrated camera's view
+/// of the target over each photo and the three estimates of one corner.
 ///
 /// # Errors
 /// As [`make`], and when a product cannot be written.
@@ -127,7 +150,7 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
     for input in &made.inputs {
         context.record_input(input);
     }
-    for RejectedPhoto { file, reason } in &made.rejected {
+    for RejectedPhoto { file, reason, .. } in &made.rejected {
         context.warn(format!("{file} is not used: {reason}"));
     }
     for note in &made.notes {
@@ -136,13 +159,14 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
     context.write_product(CAMERA_FILE, camera_json(&made.camera, made.source.clone()).as_bytes())?;
     context.write_product("camera-opencv.yaml", camera_opencv_yaml(&made.camera).as_bytes())?;
     if let Some(calibration) = &made.calibration {
-        let worst = worst_view(calibration);
-        context.write_product("corners.csv", &corners_csv(&made, calibration)?)?;
-        context.write_product("calibrate.json", summary(&made, calibration, worst).as_bytes())?;
-        if let Some(photo) = made.photos.get(worst) {
-            let image = photo::decode(&photo.file).map_err(|e| failed(config, e))?;
-            context.write_product("overlay.png", &overlay::draw(image, &calibration.views[worst].points)?)?;
-        }
+        context.write_product("corners.csv", &numbers::corners_csv(&made, calibration)?)?;
+        let uncertainty = pictures::Uncertainty::of(calibration, made.report_height_m);
+        let mut numbers = numbers::numbers(&made, calibration, uncertainty.numbers());
+        numbers.figures = pictures::write(&made, calibration, &uncertainty, context)?;
+        let mut text = serde_json::to_vec_pretty(&numbers)
+            .map_err(|e| StageError::new(super::ErrorClass::Bug, "the numbers are not JSON").because(e))?;
+        text.push(b'\n');
+        context.write_product(NUMBERS_FILE, &text)?;
     }
     Ok(made)
 }
@@ -153,47 +177,53 @@ impl Calibrated {
         Self {
             camera: Arc::new(camera),
             calibration: None,
+            choice: None,
+            target: None,
             photos: Vec::new(),
             rejected: Vec::new(),
+            reference: None,
+            report_height_m: 0.0,
             inputs: Vec::new(),
             notes: Vec::new(),
+            advice: Vec::new(),
             source,
         }
     }
 
-    fn estimated(calibration: Calibration, method: &str) -> Self {
+    fn estimated(fitted: Fitted, method: &str, config: &Config) -> Result<Self, StageError> {
+        let calibration = fitted.calibration;
         let source = json!({
             "method": method,
+            "model": calibration.model.describe(),
             "views": calibration.views.len(),
             "points": calibration.points(),
             "rms_px": calibration.rms_px,
             "sigma0_px": calibration.sigma0_px,
-            "supported_ideal_radius": calibration.support.max_ideal_radius,
+            "supported_ideal_radius": finite(calibration.support.max_ideal_radius),
         });
-        let notes = notes(&calibration);
-        Self { calibration: Some(calibration.clone()), notes, ..Self::given(calibration.camera, source) }
+        let reference = config.calibrate.reference.as_ref();
+        let reference = reference
+            .map(|file| read_camera(file).map_err(|e| failed(config, e.caused_by(file))))
+            .transpose()?;
+        Ok(Self {
+            calibration: Some(calibration.clone()),
+            choice: fitted.choice,
+            notes: notes(&calibration),
+            advice: fitted.advice,
+            inputs: config.calibrate.reference.iter().map(|file| file.value.clone()).collect(),
+            reference,
+            report_height_m: config.calibrate.report_height_m,
+            ..Self::given(calibration.camera, source)
+        })
     }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
 }
 
 fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-fn lens_model(declared: ModelSpec, side: bool) -> LensModel {
-    let lens = match declared.lens {
-        DeclaredLens::Brown5 => Lens::Brown5,
-        DeclaredLens::Radial2 => Lens::Radial2,
-        DeclaredLens::Radial2Tangential2 => Lens::Radial2Tangential2,
-    };
-    LensModel { lens, skew: declared.skew, side }
-}
-
-/// What one photo gave: its size and corners, or why it is not used.
-fn look_at(file: &Path, target: &Target) -> Result<(usize, usize, Detection), String> {
-    let image = photo::decode_grey(file).map_err(|e| e.cause)?;
-    let (width, height) = (image.width(), image.height());
-    let detection = detect(&image, target).map_err(|e| e.to_string())?;
-    Ok((width, height, detection))
 }
 
 fn from_photos(
@@ -201,65 +231,30 @@ fn from_photos(
     declared: &TargetPhotos,
     context: &RunContext,
 ) -> Result<Calibrated, StageError> {
-    let place = config.at(&declared.patterns);
-    let target = target(&declared.target)?;
-    let found = files::matching(&config.base, &declared.patterns)
-        .map_err(|e| StageError::input(e.to_string()).at(place.clone()))?;
-    let task = context.task("finding corners", found.len());
-    let looked: Vec<_> = found
-        .par_iter()
-        .map(|file| {
-            context.check_interrupted()?;
-            let seen = look_at(file, &target);
-            task.advance(1);
-            Ok(seen)
-        })
-        .collect::<Result<_, StageError>>()?;
-    drop(task);
-    let mut size: Option<(usize, usize, String)> = None;
-    let (mut photos, mut rejected) = (Vec::new(), Vec::new());
-    for (file, seen) in found.iter().zip(looked) {
-        let name = file_name(file);
-        match seen {
-            Err(reason) => rejected.push(RejectedPhoto { file: name, reason }),
-            Ok((width, height, detection)) => {
-                let (w, h, first) = size.get_or_insert_with(|| (width, height, name.clone()));
-                if (width, height) != (*w, *h) {
-                    let what = format!("{name} is {width} × {height} px but {first} is {w} × {h} px");
-                    return Err(StageError::input(what)
-                        .at(place)
-                        .help("calibrate from photos of one camera at one size, all turned the same way"));
-                }
-                photos.push(TargetPhoto { file: file.clone(), detection });
-            }
-        }
-    }
-    let (Some((width, height, _)), true) = (size, photos.len() >= 3) else {
-        let reasons = rejected.iter().map(|r| format!("\n  {}: {}", r.file, r.reason)).collect::<String>();
-        let what = format!(
-            "{} of {} photos show the target, at least 3 are needed{reasons}",
-            photos.len(),
-            found.len()
-        );
-        return Err(StageError::input(what).at(place).help(
-            "check [calibrate.target] against the target, and photograph all of it, sharp and evenly lit",
-        ));
-    };
-    let views: Vec<ViewPoints> = photos
+    let looked = photos::look_at_all(config, declared, context)?;
+    let views: Vec<ViewPoints> = looked
+        .used
         .iter()
         .map(|photo| ViewPoints {
             name: file_name(&photo.file),
             observations: photo.detection.observations(),
         })
         .collect();
-    let calibration = calibrate(&views, width as u32, height as u32, lens_model(declared.model, true))
+    let (width, height) = looked.size_px;
+    let fitted = fit(&views, width as u32, height as u32, declared.model, true)
         .map_err(|e| refused(e, config, &declared.patterns))?;
-    let mut made = Calibrated::estimated(calibration, "photos");
-    for photo in photos.iter().filter(|photo| !photo.detection.missing.is_empty()) {
-        let missing = photo.detection.missing.len();
-        made.notes.push(format!("{}: {missing} square(s) of the target are hidden", file_name(&photo.file)));
+    let mut made = Calibrated::estimated(fitted, "photos", config)?;
+    for photo in looked.used.iter().filter(|photo| !photo.detection.missing.is_empty()) {
+        let (missing, unit) = (photo.detection.missing.len(), looked.target.unit());
+        made.notes.push(format!("{}: {missing} {unit} of the target are not seen", file_name(&photo.file)));
     }
-    Ok(Calibrated { photos, rejected, inputs: found, ..made })
+    made.inputs.extend(looked.files);
+    Ok(Calibrated {
+        target: Some((looked.target, looked.counted)),
+        photos: looked.used,
+        rejected: looked.rejected,
+        ..made
+    })
 }
 
 fn from_corners(config: &Config, declared: &TargetCorners) -> Result<Calibrated, StageError> {
@@ -287,33 +282,68 @@ fn from_corners(config: &Config, declared: &TargetCorners) -> Result<Calibrated,
         views.push(ViewPoints { name: file_name(file), observations });
     }
     let (width, height) = (declared.image_width_px, declared.image_height_px);
-    let calibration = calibrate(&views, width, height, lens_model(declared.model, false))
+    let fitted = fit(&views, width, height, declared.model, false)
         .map_err(|e| refused(e, config, &declared.model_file))?;
-    let mut inputs = vec![declared.model_file.value.clone()];
-    inputs.extend(declared.views.iter().map(|file| file.value.clone()));
-    Ok(Calibrated { inputs, ..Calibrated::estimated(calibration, "corners") })
+    let mut made = Calibrated::estimated(fitted, "corners", config)?;
+    made.inputs.push(declared.model_file.value.clone());
+    made.inputs.extend(declared.views.iter().map(|file| file.value.clone()));
+    Ok(made)
 }
 
 fn refused<T>(error: CalibrationError, config: &Config, key: &Located<T>) -> StageError {
-    let failure = StageError::input(error.to_string()).at(config.at(key));
-    match error {
-        CalibrationError::Start(StartError::Parallel { .. } | StartError::TooFewViews { .. }) => {
-            failure.help("photograph the target filling the frame, tilted by 20° to 45° to all four sides")
+    const TILT: &str = "photograph the target filling the frame, tilted by 20° to 45° to all four sides";
+    let help = match &error {
+        CalibrationError::Start(StartError::Parallel { .. } | StartError::TooFewViews { .. })
+        | CalibrationError::WeakFocalLength { .. } => Some(TILT),
+        CalibrationError::Start(StartError::Repeated { .. }) => {
+            Some("move the target or the camera between the photos: other tilts, other parts of the frame")
+        }
+        CalibrationError::SmallPart { .. } => {
+            Some("come closer, or bring the target into all parts of the frame, its corners too")
         }
         CalibrationError::Undetermined { .. } => {
-            failure.help("fewer parameters: [calibrate.model] lens = \"radial2\", skew = false")
+            Some("fewer parameters: [calibrate.model] lens = \"radial2\", skew = false")
         }
-        _ => failure,
+        CalibrationError::NotConverged { .. } => {
+            Some("look at the photos: another camera or lens setting among them, or a board that is not flat")
+        }
+        _ => None,
+    };
+    let failure = StageError::input(error.to_string()).at(config.at(key));
+    match help {
+        Some(help) => failure.help(help),
+        None => failure,
     }
 }
 
 /// What a user should know before trusting the camera.
 fn notes(calibration: &Calibration) -> Vec<String> {
     let mut notes = Vec::new();
+    for suspect in &calibration.suspects {
+        notes.push(format!(
+            "{} fits much worse than the other photos ({:.2} px, they have {:.2} px): look at it, and leave it out if \
+             the target moved, bent or was found wrongly",
+            suspect.name, suspect.rms_px, suspect.others_px
+        ));
+    }
     if !calibration.insignificant.is_empty() {
         notes.push(format!(
             "{} differ(s) from 0 by less than two standard deviations",
             calibration.insignificant.join(", ")
+        ));
+    }
+    let board = &calibration.board;
+    if let Some(bend) = board.bend.as_ref().filter(|bend| bend.is_significant() && !calibration.model.bend) {
+        notes.push(format!(
+            "the board is not flat: it bends by {:.2} mm; [calibrate.model] bend = true estimates that along",
+            1e3 * bend.depth_m()
+        ));
+    }
+    if let Some(pitch) = board.pitch_excess.as_ref().filter(|pitch| pitch.is_significant()) {
+        notes.push(format!(
+            "the board's spacing downwards is {:+.3} % of that across, ± {:.3} %: measure the printed target",
+            100.0 * pitch.value,
+            100.0 * pitch.std
         ));
     }
     let support = &calibration.support;
@@ -335,173 +365,23 @@ fn notes(calibration: &Calibration) -> Vec<String> {
     notes
 }
 
+/// What is known about the inverse of the lens over the frame, in words.
+fn invertible(camera: &Camera) -> String {
+    match camera.invertibility() {
+        Invertibility::Proved { to } => format!(
+            "Every pixel has exactly one viewing ray: proved up to {:.1}° off the optical axis.",
+            to.degrees()
+        ),
+        Invertibility::Unproved { mask } => format!(
+            "{:.2} % of the frame have no viewing ray (the lens folds back there) and are left out everywhere.",
+            100.0 * mask.share()
+        ),
+    }
+}
+
 /// The view that fits worst: what the overlay should show.
 fn worst_view(calibration: &Calibration) -> usize {
     (0..calibration.views.len())
         .max_by(|&a, &b| calibration.views[a].rms_px.total_cmp(&calibration.views[b].rms_px))
         .unwrap_or(0)
-}
-
-/// Every point of every view with its estimates and residual (observed − predicted).
-fn corners_csv(made: &Calibrated, calibration: &Calibration) -> Result<Vec<u8>, StageError> {
-    let failed = |e: csv::Error| StageError::new(ErrorClass::Bug, "corners.csv cannot be made").because(e);
-    let mut table = csv::Writer::from_writer(Vec::new());
-    table
-        .write_record([
-            "file",
-            "point",
-            "row",
-            "column",
-            "corner",
-            "x_mm",
-            "y_mm",
-            "blunt_column_px",
-            "blunt_row_px",
-            "refined_column_px",
-            "refined_row_px",
-            "sharp_column_px",
-            "sharp_row_px",
-            "residual_column_px",
-            "residual_row_px",
-        ])
-        .map_err(failed)?;
-    let px = |value: f64| format!("{value:.4}");
-    for (index, view) in calibration.views.iter().enumerate() {
-        let corners = made.photos.get(index).map(|photo| &photo.detection.corners);
-        for (i, point) in view.points.iter().enumerate() {
-            let corner = corners.and_then(|corners| corners.get(i));
-            let found = |value: &dyn Fn(&DetectedCorner) -> String| corner.map_or_else(String::new, value);
-            table
-                .write_record([
-                    view.name.clone(),
-                    (i + 1).to_string(),
-                    found(&|c| c.row.to_string()),
-                    found(&|c| c.column.to_string()),
-                    found(&|c| c.corner.to_string()),
-                    format!("{:.4}", 1e3 * point.board.x_m),
-                    format!("{:.4}", 1e3 * point.board.y_m),
-                    found(&|c| px(c.blunt.column)),
-                    found(&|c| px(c.blunt.row)),
-                    found(&|c| px(c.refined.column)),
-                    found(&|c| px(c.refined.row)),
-                    px(point.observed.column),
-                    px(point.observed.row),
-                    px(point.observed.column - point.predicted.column),
-                    px(point.observed.row - point.predicted.row),
-                ])
-                .map_err(failed)?;
-        }
-    }
-    table
-        .into_inner()
-        .map_err(|e| StageError::new(ErrorClass::Bug, "corners.csv cannot be made").because(e.into_error()))
-}
-
-/// Root mean square distance of one of the three estimates from the calibrated camera's prediction, px.
-fn step_rms(
-    photo: &TargetPhoto,
-    points: &[PointResidual],
-    estimate: impl Fn(&DetectedCorner) -> ImagePoint,
-) -> f64 {
-    let sum: f64 = photo
-        .detection
-        .corners
-        .iter()
-        .zip(points)
-        .map(|(corner, point)| {
-            let at = estimate(corner);
-            (at.column - point.predicted.column).powi(2) + (at.row - point.predicted.row).powi(2)
-        })
-        .sum();
-    (sum / points.len().max(1) as f64).sqrt()
-}
-
-/// `calibrate.json`: the numbers of the calibration, for the report and for other programs.
-fn summary(made: &Calibrated, calibration: &Calibration, worst: usize) -> String {
-    let interior = calibration.camera.brown.interior();
-    let free = calibration.model.free();
-    let parameters: Vec<Value> = (0..10)
-        .map(|k| {
-            json!({
-                "name": INTERIOR_NAMES[k],
-                "value": interior[k],
-                "std": free[k].then_some(calibration.std[k]),
-                "estimated": free[k],
-                "insignificant": calibration.insignificant.contains(&INTERIOR_NAMES[k]),
-            })
-        })
-        .collect();
-    let views: Vec<Value> = calibration
-        .views
-        .iter()
-        .enumerate()
-        .map(|(i, view)| {
-            let photo = made.photos.get(i);
-            let steps = photo.map(|photo| {
-                json!({
-                    "blunt_rms_px": step_rms(photo, &view.points, |c| c.blunt),
-                    "refined_rms_px": step_rms(photo, &view.points, |c| c.refined),
-                    "sharp_rms_px": step_rms(photo, &view.points, |c| c.sharp),
-                })
-            });
-            let hidden = photo
-                .map(|photo| photo.detection.missing.iter().map(|&(r, c)| json!([r, c])).collect::<Vec<_>>());
-            let marker = photo.map(|photo| match photo.detection.marker {
-                MarkerSeen::None => "none",
-                MarkerSeen::Hollow => "hollow",
-                MarkerSeen::Absent => "absent",
-            });
-            let rotation = view.camera_from_board.rotation.matrix();
-            let origin = view.camera_from_board.origin.vector();
-            json!({
-                "file": view.name,
-                "points": view.points.len(),
-                "rms_px": view.rms_px,
-                "steps": steps,
-                "hidden_squares": hidden,
-                "marker": marker,
-                "camera_from_board_rotation": rotation.row_iter()
-                    .map(|row| row.iter().copied().collect::<Vec<f64>>())
-                    .collect::<Vec<_>>(),
-                "board_origin_in_camera_m": [origin.x, origin.y, origin.z],
-            })
-        })
-        .collect();
-    let support = &calibration.support;
-    let finite = |value: f64| value.is_finite().then_some(value);
-    let text = serde_json::to_string_pretty(&json!({
-        "format": "boresight-calibrate",
-        "version": 1,
-        "image_width_px": calibration.camera.width,
-        "image_height_px": calibration.camera.height,
-        "parameters": parameters,
-        "correlation": calibration.correlation.row_iter()
-            .map(|row| row.iter().copied().collect::<Vec<f64>>())
-            .collect::<Vec<_>>(),
-        "square_side_excess_m": calibration.side_excess_m
-            .map(|(value, std)| json!({ "value": value, "std": std })),
-        "points": calibration.points(),
-        "j_px2": calibration.j_total,
-        "j_per_point_px2": calibration.j_per_point,
-        "rms_px": calibration.rms_px,
-        "sigma0_px": calibration.sigma0_px,
-        "iterations": calibration.iterations,
-        "closed_form": match calibration.start {
-            ClosedForm::WithSkew => "with_skew",
-            ClosedForm::NoSkew => "no_skew",
-            ClosedForm::Centred => "centred_principal_point",
-        },
-        "support": {
-            "max_ideal_radius": support.max_ideal_radius,
-            "fold_radius": finite(support.fold_radius),
-            "supported_share_of_frame": support.supported_share,
-            "folded_share_of_frame": support.folded_share,
-            "share_of_48_cells_with_corners": support.covered_cells,
-        },
-        "views": views,
-        "rejected_photos": made.rejected,
-        "overlay_of": made.photos.get(worst).map(|photo| file_name(&photo.file)),
-        "notes": made.notes,
-    }));
-    text.unwrap_or_default() + "\n"
 }

@@ -1,6 +1,6 @@
 //! The camera written out in the pipeline file.
 
-use crate::camera::{Brown, Camera, CameraError, InteriorCovariance};
+use crate::camera::{Brown, Camera, CameraError, Interior, InteriorCovariance};
 use crate::config::calibrate::ParametersSpec;
 use crate::config::{Config, Located};
 
@@ -33,9 +33,9 @@ fn from_parameters(spec: &ParametersSpec) -> Result<Camera, CameraError> {
         spec.k3,
     ])?;
     let covariance = spec.std.as_ref().map(|std| {
-        let variances =
-            [std.fx_px, std.fy_px, std.skew_px, std.cx_px, std.cy_px, std.k1, std.k2, std.p1, std.p2, std.k3]
-                .map(|std| std * std);
+        let std =
+            [std.fx_px, std.fy_px, std.skew_px, std.cx_px, std.cy_px, std.k1, std.k2, std.p1, std.p2, std.k3];
+        let variances: Interior = std::array::from_fn(|k| std.get(k).map_or(0.0, |std| std * std));
         InteriorCovariance::from_diagonal(&variances.into())
     });
     Camera::new(brown, spec.image_width_px.value, spec.image_height_px.value, covariance)
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn the_principal_point_moves_by_half_a_pixel_with_the_origin() {
-        let [corner, centre] = ["corner", "centre"].map(|origin| camera(origin).brown.interior());
+        let [corner, centre] = ["corner", "centre"].map(|origin| camera(origin).lens.interior());
         assert_eq!(corner[3..5], [899.5, 674.5]);
         assert_eq!(centre[3..5], [900.0, 675.0]);
         assert_eq!(corner[9], 0.5);

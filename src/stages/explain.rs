@@ -1,6 +1,5 @@
 //! Every matrix and vector of one frame's chain, with units: what `explain` prints.
 
-use crate::camera::INTERIOR_NAMES;
 use crate::formats::crs::Projection;
 use crate::geodesy::{MapProjection, WGS84};
 use crate::geometry::{Displacement, Frame};
@@ -138,13 +137,16 @@ pub fn explain(frame: &GeoreferencedFrame, projection: &Projection) -> Explanati
             metres: triple(ecef_from_camera.origin.vector()),
         },
     ];
-    let interior_values = frame.camera.brown.interior();
+    let interior_values = frame.camera.lens.interior();
     let [fx, fy, skew, cx, cy, ..] = interior_values;
-    let interior = INTERIOR_NAMES
-        .into_iter()
+    let interior = frame
+        .camera
+        .lens
+        .names()
+        .iter()
         .zip(interior_values)
         .map(|(name, value)| {
-            let (name, unit) = name.strip_suffix("_px").map_or((name, ""), |bare| (bare, "px"));
+            let (name, unit) = name.strip_suffix("_px").map_or((*name, ""), |bare| (bare, "px"));
             number(name, value, unit)
         })
         .collect();

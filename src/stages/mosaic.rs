@@ -463,7 +463,8 @@ fn input_hash(plan: &MosaicPlan, store: &PhotoStore) -> String {
         let pose = frame.frame.ecef_from_camera();
         pose.rotation.matrix().iter().copied().for_each(&mut number);
         pose.origin.vector().iter().copied().for_each(&mut number);
-        frame.frame.camera.brown.interior().into_iter().for_each(&mut number);
+        let lens = &frame.frame.camera.lens;
+        lens.interior().into_iter().take(lens.names().len()).for_each(&mut number);
     }
     for (frame, hash) in plan.frames.iter().zip(store.hashes()) {
         hasher.update(frame.frame.name.as_bytes());

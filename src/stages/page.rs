@@ -1,14 +1,16 @@
 //! The run's page, read back from the run folder: it shows what stands there, also when a run made only a part of it.
 
 use super::accuracy::{CE90_PICTURE, NUMBERS_FILE, RESIDUALS_FIGURE};
+use super::calibrate;
 use super::context::{ErrorClass, Stage, StageError};
 use super::georeference::Georeferenced;
+use crate::formats::camera::read_camera;
 use crate::geodesy::{Geodetic, MapPoint, MapProjection, WGS84};
+use crate::report::CalibrationNumbers;
 use crate::report::figures::MapFrame;
 use crate::report::numbers::AccuracyNumbers;
 use crate::report::page::{
-    AccuracySection, Adjustment, CalibrationSection, CaptionedFigure, MosaicSection, Page, Parameter,
-    Provenance, Rejected, Survey,
+    AccuracySection, CalibrationSection, CaptionedFigure, MosaicSection, Page, Provenance, Rejected, Survey,
 };
 use crate::report::render;
 use serde::Deserialize;
@@ -209,119 +211,47 @@ fn accuracy_section(folder: &Path) -> Result<AccuracySection, StageError> {
     Ok(AccuracySection { figures, ce90, residuals_svg, numbers })
 }
 
-/// What the page takes from `calibrate.json`.
-#[derive(Deserialize)]
-struct Calibrated {
-    parameters: Vec<CalibratedParameter>,
-    points: usize,
-    j_px2: f64,
-    j_per_point_px2: f64,
-    sigma0_px: f64,
-    support: Support,
-    views: Vec<serde::de::IgnoredAny>,
-    rejected_photos: Vec<RejectedPhoto>,
-}
-
-#[derive(Deserialize)]
-struct CalibratedParameter {
-    name: String,
-    value: f64,
-    std: Option<f64>,
-    insignificant: bool,
-}
-
-#[derive(Deserialize)]
-struct Support {
-    supported_share_of_frame: f64,
-    folded_share_of_frame: f64,
-}
-
-#[derive(Deserialize)]
-struct RejectedPhoto {
-    file: String,
-    reason: String,
-}
-
-/// The camera as `camera.json` has it, when it was not calibrated here.
-#[derive(Deserialize)]
-struct CameraFile {
-    fx_px: f64,
-    fy_px: f64,
-    skew_px: f64,
-    cx_px: f64,
-    cy_px: f64,
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
-    k3: f64,
-    covariance: Option<Vec<Vec<f64>>>,
-}
-
 fn calibration_section(folder: &Path) -> Result<Option<CalibrationSection>, StageError> {
-    let (calibrated, camera) = (folder.join("calibrate.json"), folder.join("camera.json"));
+    let (calibrated, camera) = (folder.join(calibrate::NUMBERS_FILE), folder.join(calibrate::CAMERA_FILE));
     if calibrated.exists() {
-        let made: Calibrated = json(&calibrated)?;
-        let overlay = folder.join("overlay.png");
+        let made: CalibrationNumbers = json(&calibrated)?;
+        let figures = made
+            .figures
+            .iter()
+            .map(|f| {
+                let svg = text(&folder.join(&f.file))?;
+                Ok(CaptionedFigure { title: f.title.clone(), caption: f.caption.clone(), svg })
+            })
+            .collect::<Result<Vec<_>, StageError>>()?;
+        let steps = folder.join(calibrate::STEPS_PICTURE);
+        let overlay = made.overlay_of.as_ref().map(|file| {
+            let picture = folder.join(calibrate::numbers::overlay_name(file));
+            bytes(&picture).map(|png| (file.clone(), png))
+        });
         return Ok(Some(CalibrationSection {
-            source: "The camera was calibrated from views of a planar target.".to_owned(),
-            parameters: made
-                .parameters
-                .into_iter()
-                .map(|p| Parameter {
-                    name: p.name,
-                    value: p.value,
-                    std: p.std,
-                    insignificant: p.insignificant,
-                })
-                .collect(),
-            adjustment: Some(Adjustment {
-                views: made.views.len(),
-                points: made.points,
-                j_total_px2: made.j_px2,
-                j_per_point_px2: made.j_per_point_px2,
-                sigma0_px: made.sigma0_px,
-                supported_percent: 100.0 * made.support.supported_share_of_frame,
-                folded_percent: 100.0 * made.support.folded_share_of_frame,
-            }),
-            overlay_png: overlay.exists().then(|| bytes(&overlay)).transpose()?,
-            rejected: made
-                .rejected_photos
-                .into_iter()
-                .map(|r| Rejected { name: r.file, reason: r.reason })
-                .collect(),
+            source: if made.target.is_some() {
+                "The camera was calibrated from photos of a planar target; its points were found automatically."
+            } else {
+                "The camera was calibrated from given corners of a planar target."
+            }
+            .to_owned(),
+            parameters: made.parameters.clone(),
+            figures,
+            steps_png: (made.steps.is_some() && steps.exists()).then(|| bytes(&steps)).transpose()?,
+            overlay: overlay.transpose()?,
+            adjustment: Some(made),
         }));
     }
     if !camera.exists() {
         return Ok(None);
     }
-    let c: CameraFile = json(&camera)?;
-    let values = [
-        ("fx_px", c.fx_px),
-        ("fy_px", c.fy_px),
-        ("skew_px", c.skew_px),
-        ("cx_px", c.cx_px),
-        ("cy_px", c.cy_px),
-        ("k1", c.k1),
-        ("k2", c.k2),
-        ("p1", c.p1),
-        ("p2", c.p2),
-        ("k3", c.k3),
-    ];
-    let std = |k: usize| Some(c.covariance.as_ref()?.get(k)?.get(k)?.max(0.0).sqrt());
+    let camera = read_camera(&camera).map_err(|e| StageError::new(ErrorClass::Io, e.to_string()))?;
     Ok(Some(CalibrationSection {
         source: "The camera was given with the pipeline.".to_owned(),
-        parameters: values
-            .into_iter()
-            .enumerate()
-            .map(|(k, (name, value))| {
-                let std = std(k);
-                let insignificant = std.is_some_and(|s| s > 0.0 && value.abs() < 2.0 * s);
-                Parameter { name: name.to_owned(), value, std, insignificant }
-            })
-            .collect(),
+        parameters: calibrate::numbers::parameters(&camera, |_| true, None),
         adjustment: None,
-        overlay_png: None,
-        rejected: Vec::new(),
+        figures: Vec::new(),
+        steps_png: None,
+        overlay: None,
     }))
 }

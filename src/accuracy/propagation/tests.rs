@@ -79,9 +79,11 @@ impl Setup {
             16 => {}
             17 => s.ground_height_m += by,
             18..=27 => s.interior[column - 18] += by,
-            28 => s.pixel.column += by,
-            29 => s.pixel.row += by,
-            _ => unreachable!("30 parameters"),
+            // Brown's lens has no such terms.
+            28..=30 => {}
+            31 => s.pixel.column += by,
+            32 => s.pixel.row += by,
+            _ => unreachable!("33 parameters"),
         }
         s
     }
@@ -144,7 +146,7 @@ proptest! {
         };
         let pixel = rotation.stored_from_sensor(ImagePoint::new(column, row), 1152, 648);
         let setup = Setup {
-            record, mount, interior: scenes::paper_camera().brown.interior(), ground_height_m: 100.0, pixel,
+            record, mount, interior: scenes::PAPER_INTERIOR, ground_height_m: 100.0, pixel,
         };
         let model = ErrorModel { position_std_m: 1.0, ..ErrorModel::default() };
         let frame = setup.frame();

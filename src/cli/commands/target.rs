@@ -33,7 +33,8 @@ pub fn run(arguments: &TargetArguments) -> Result<ExitClass, StageError> {
         .map_err(|e| usage(e.to_string()).help("fewer or smaller squares, or a larger --paper"))?;
     let bytes = if extension == "pdf" { sheet.pdf() } else { sheet.svg().into_bytes() };
     write_atomic(&arguments.output, &bytes).map_err(|e| {
-        StageError::new(ErrorClass::Io, format!("{} cannot be written", arguments.output.display())).because(e)
+        StageError::new(ErrorClass::Io, format!("{} cannot be written", arguments.output.display()))
+            .because(e)
     })?;
     let table = toml::to_string(&spec)
         .map_err(|e| StageError::new(ErrorClass::Bug, "the table cannot be written").because(e))?;

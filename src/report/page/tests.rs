@@ -1,3 +1,4 @@
+use super::super::calibration::*;
 use super::super::figures::{Panel, contour_panels, residual_plot};
 use super::super::numbers::*;
 use super::*;
@@ -214,24 +215,105 @@ pub(in crate::report) fn full() -> Page {
         }),
         calibration: Some(CalibrationSection {
             source: "Calibrated from photos of the squares target.".into(),
-            parameters: vec![
-                Parameter { name: "fx_px".into(), value: 743.793_71, std: Some(1.083), insignificant: false },
-                Parameter { name: "k3".into(), value: -0.301_8, std: Some(0.352), insignificant: true },
-            ],
-            adjustment: Some(Adjustment {
-                views: 3,
-                points: 576,
-                j_total_px2: 54.3,
-                j_per_point_px2: 0.0943,
-                sigma0_px: 0.2198,
-                supported_percent: 87.0,
-                folded_percent: 0.76,
-            }),
-            overlay_png: None,
-            rejected: Vec::new(),
+            parameters: calibration().parameters,
+            adjustment: Some(calibration()),
+            figures: Vec::new(),
+            steps_png: None,
+            overlay: None,
         }),
         rejected: vec![Rejected { name: "IMG_0013.jpg".into(), reason: "no row of log.csv names it".into() }],
         warnings: vec!["3 rows of log.csv name no image of the folder".into()],
+    }
+}
+
+fn parameter(name: &str, value: f64, std: f64, insignificant: bool) -> ParameterNumbers {
+    let reference = Some(value + std);
+    ParameterNumbers { name: name.into(), value, std: Some(std), estimated: true, insignificant, reference }
+}
+
+fn calibration() -> CalibrationNumbers {
+    let steps = StepNumbers { blunt_rms_px: 1.31, refined_rms_px: 0.62, sharp_rms_px: 0.027 };
+    CalibrationNumbers {
+        format: crate::report::calibration::FORMAT.into(),
+        version: crate::report::calibration::VERSION,
+        image_width_px: 1152,
+        image_height_px: 648,
+        target: Some(TargetNumbers { unit: "squares".into(), rows: 7, columns: 7, counted: true }),
+        model: "brown (k1 k2 p1 p2 k3, skew)".into(),
+        choice: Some(ChoiceNumbers {
+            explanation: "Brown predicts photos left out as well as the best.".into(),
+            candidates: vec![CandidateNumbers {
+                model: "fisheye (k1 k2 k3 k4)".into(),
+                parameters: 8,
+                rms_px: None,
+                held_out_rms_px: None,
+                chosen: false,
+                failed: Some("did not converge".into()),
+            }],
+        }),
+        parameters: vec![
+            parameter("fx_px", 743.793_71, 1.083, false),
+            parameter("k3", -0.301_8, 0.352, true),
+        ],
+        correlation: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
+        points: 576,
+        j_px2: 54.3,
+        j_per_point_px2: 0.0943,
+        rms_px: 0.307,
+        sigma0_px: 0.2198,
+        robust_sigma_px: 0.21,
+        iterations: 7,
+        closed_form: "with_skew".into(),
+        steps: Some(steps),
+        board: BoardNumbers {
+            side_excess_m: Some(MeasuredNumbers { value: 0.000_14, std: 0.000_02, significant: true }),
+            pitch_excess: None,
+            bend_m: Some(0.000_3),
+            flat_probability: Some(0.21),
+            bend_estimated: false,
+        },
+        support: SupportNumbers {
+            max_ideal_radius: Some(0.7),
+            fold_radius: Some(0.9578),
+            supported_share_of_frame: 0.87,
+            folded_share_of_frame: 0.0076,
+            share_of_48_cells_with_corners: 0.7,
+            invertible: "0.76 % of the frame have no viewing ray.".into(),
+        },
+        uncertainty: UncertaintyNumbers {
+            columns: 2,
+            rows: 1,
+            std_px: vec![Some(0.04), None],
+            centre_px: Some(0.04),
+            median_px: 0.04,
+            worst_px: 0.52,
+            height_m: 100.0,
+            median_m: 0.005,
+            worst_m: 0.07,
+        },
+        views: vec![ViewNumbers {
+            file: "target_01.png".into(),
+            points: 192,
+            rms_px: 0.307,
+            steps: Some(steps),
+            quality: None,
+            hidden: vec![[3, 4]],
+            marker: Some("hollow".into()),
+            suspect: None,
+            camera_from_board_rotation: Vec::new(),
+            board_origin_in_camera_m: [0.0, 0.0, 0.4],
+            overlay: None,
+        }],
+        outliers: Vec::new(),
+        rejected_photos: vec![RejectedNumbers {
+            file: "target_09.png".into(),
+            reason: "the photo has no contrast".into(),
+            overlay: None,
+        }],
+        advice: vec!["Photograph the target in the upper right.".into()],
+        overlay_of: None,
+        figures: Vec::new(),
+        notes: vec!["k3 differs from 0 by less than two standard deviations".into()],
     }
 }
 
@@ -248,6 +330,13 @@ fn a_full_page_shows_the_numbers_rounded_to_what_is_known() {
         "99 % of the area",
         "743.8",
         "not significant",
+        "744.9",
+        "−1.0σ",
+        "0.070 m on the ground from 100 m",
+        "Photograph the target in the upper right.",
+        "did not converge",
+        "0.14 ± 0.020 mm",
+        "the photo has no contrast",
         "no row of log.csv names it",
         "31.8 ha",
         "+0.2, 0.0 m",

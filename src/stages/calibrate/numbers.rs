@@ -1,11 +1,13 @@
 //! The calibration as numbers for `calibrate.json` and the page, and as a table of its points.
 
-use super::{Calibrated, file_name};
+use super::pictures::shown_overlay;
+use super::{Calibrated, file_name, finite, invertible};
 use crate::calibration::{Calibration, ClosedForm, DetectedCorner, MarkerSeen, Measured, PointResidual};
 use crate::camera::{Camera, ImagePoint};
 use crate::report::calibration::{
-    BoardNumbers, CalibrationNumbers, FORMAT, MeasuredNumbers, OutlierNumbers, ParameterNumbers, QualityNumbers,
-    RejectedNumbers, StepNumbers, SupportNumbers, TargetNumbers, VERSION, ViewNumbers,
+    BoardNumbers, CalibrationNumbers, FORMAT, MeasuredNumbers, OutlierNumbers, ParameterNumbers,
+    QualityNumbers, RejectedNumbers, StepNumbers, SupportNumbers, TargetNumbers, UncertaintyNumbers, VERSION,
+    ViewNumbers,
 };
 use crate::stages::context::{ErrorClass, StageError};
 
@@ -13,18 +15,20 @@ use crate::stages::context::{ErrorClass, StageError};
 pub(in crate::stages) fn parameters(
     camera: &Camera,
     free: impl Fn(usize) -> bool,
-    insignificant: &[&str],
     reference: Option<&Camera>,
 ) -> Vec<ParameterNumbers> {
     let interior = camera.lens.interior();
     let names = camera.lens.names();
+    let std = |k: usize| camera.covariance.filter(|_| free(k)).map(|c| c[(k, k)].max(0.0).sqrt());
+    // Focal lengths and principal point are never zero; only skew and lens terms can be.
+    let could_be_zero = |k: usize| k == 2 || k >= 5;
     (0..names.len())
         .map(|k| ParameterNumbers {
             name: names[k].to_owned(),
             value: interior[k],
-            std: camera.covariance.filter(|_| free(k)).map(|c| c[(k, k)].max(0.0).sqrt()),
+            std: std(k),
             estimated: free(k),
-            insignificant: insignificant.contains(&names[k]),
+            insignificant: could_be_zero(k) && std(k).is_some_and(|s| s > 0.0 && interior[k].abs() < 2.0 * s),
             reference: reference.and_then(|reference| {
                 let place = reference.lens.names().iter().position(|name| *name == names[k])?;
                 // Terms of another kind of lens mean other things, although some have the same name.
@@ -59,18 +63,24 @@ fn measured(m: &Measured) -> MeasuredNumbers {
 }
 
 /// Where the overlay of a photo goes.
-pub(super) fn overlay_name(file: &str) -> String {
+pub(in crate::stages) fn overlay_name(file: &str) -> String {
     format!("overlays/{file}.png")
 }
 
 /// Everything but the pictures.
-pub(super) fn numbers(made: &Calibrated, calibration: &Calibration) -> CalibrationNumbers {
+pub(super) fn numbers(
+    made: &Calibrated,
+    calibration: &Calibration,
+    uncertainty: UncertaintyNumbers,
+) -> CalibrationNumbers {
     let camera = &calibration.camera;
     let pairs: Vec<Vec<Pair>> = made
         .photos
         .iter()
         .zip(&calibration.views)
-        .map(|(photo, view)| photo.detection.corners.iter().copied().zip(view.points.iter().copied()).collect())
+        .map(|(photo, view)| {
+            photo.detection.corners.iter().copied().zip(view.points.iter().copied()).collect()
+        })
         .collect();
     let views = calibration
         .views
@@ -133,7 +143,6 @@ pub(super) fn numbers(made: &Calibrated, calibration: &Calibration) -> Calibrati
         .collect();
     let bend = &calibration.board.bend;
     let support = &calibration.support;
-    let finite = |value: f64| value.is_finite().then_some(value);
     CalibrationNumbers {
         format: FORMAT.to_owned(),
         version: VERSION,
@@ -145,12 +154,7 @@ pub(super) fn numbers(made: &Calibrated, calibration: &Calibration) -> Calibrati
         }),
         model: calibration.model.describe(),
         choice: made.choice.clone(),
-        parameters: parameters(
-            camera,
-            |k| calibration.model.free[k],
-            &calibration.insignificant,
-            made.reference.as_ref(),
-        ),
+        parameters: parameters(camera, |k| calibration.model.free[k], made.reference.as_ref()),
         correlation: {
             let n = camera.lens.names().len();
             (0..n).map(|i| (0..n).map(|j| calibration.correlation[(i, j)]).collect()).collect()
@@ -166,6 +170,7 @@ pub(super) fn numbers(made: &Calibrated, calibration: &Calibration) -> Calibrati
             ClosedForm::WithSkew => "with_skew",
             ClosedForm::NoSkew => "no_skew",
             ClosedForm::Centred => "centred_principal_point",
+            ClosedForm::Ladder => "ladder_of_focal_lengths",
         }
         .to_owned(),
         steps: (!pairs.is_empty()).then(|| steps(&pairs.concat())),
@@ -182,9 +187,9 @@ pub(super) fn numbers(made: &Calibrated, calibration: &Calibration) -> Calibrati
             supported_share_of_frame: support.supported_share,
             folded_share_of_frame: support.folded_share,
             share_of_48_cells_with_corners: support.covered_cells,
-            invertible: made.invertible.clone(),
+            invertible: invertible(camera),
         },
-        uncertainty: made.uncertainty.clone(),
+        uncertainty,
         views,
         outliers,
         rejected_photos: made
@@ -197,6 +202,7 @@ pub(super) fn numbers(made: &Calibrated, calibration: &Calibration) -> Calibrati
             })
             .collect(),
         advice: made.advice.clone(),
+        overlay_of: shown_overlay(made, calibration),
         figures: Vec::new(),
         notes: made.notes.clone(),
     }

@@ -72,7 +72,8 @@ pub(super) fn three_steps(photo: Image8, corners: &[DetectedCorner]) -> Result<V
     let width = (right.min(f64::from(photo.width() - 1)) - left + 1.0).max(1.0);
     let height = (bottom.min(f64::from(photo.height() - 1)) - top + 1.0).max(1.0);
     let scale = (PICTURE_PX / width.max(height)).floor().max(1.0);
-    let cut = image::imageops::crop_imm(&photo, left as u32, top as u32, width as u32, height as u32).to_image();
+    let cut =
+        image::imageops::crop_imm(&photo, left as u32, top as u32, width as u32, height as u32).to_image();
     let size = |px: f64| (px * scale) as u32;
     let mut picture = image::imageops::resize(&cut, size(width), size(height), FilterType::Nearest);
     // Pixel (0, 0) is a centre in the photo and in the picture.

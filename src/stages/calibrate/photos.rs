@@ -1,9 +1,7 @@
 //! Photos of the target: found, counted, located, judged; each used or listed with its reason.
 
 use super::{RejectedPhoto, TargetPhoto, file_name};
-use crate::calibration::{
-    Detection, Grey, PhotoQuality, Target, count, detect, photo_faults, photo_quality,
-};
+use crate::calibration::{Detection, Grey, PhotoQuality, Target, count, detect, photo_faults, photo_quality};
 use crate::config::Config;
 use crate::config::calibrate::TargetPhotos;
 use crate::formats::{files, photo};
@@ -114,11 +112,7 @@ fn look_at(file: &Path, target: &Target) -> Seen {
 }
 
 /// The target with the rows and columns that most photos show.
-fn counted_target(
-    files: &[PathBuf],
-    described: &Target,
-    context: &RunContext,
-) -> Result<Target, StageError> {
+fn counted_target(files: &[PathBuf], described: &Target, context: &RunContext) -> Result<Target, StageError> {
     let counts = each(files, "counting rows and columns", context, |file| {
         grey(file).and_then(|image| count(&image, described).map_err(|e| e.to_string()))
     })?;
@@ -136,9 +130,9 @@ fn counted_target(
         return Err(StageError::input(format!("no photo shows the target{reasons}"))
             .help("check the kind and the lengths of [calibrate.target]"));
     };
-    described
-        .resized(rows, columns)
-        .map_err(|e| StageError::input(format!("the photos show {rows} × {columns} {}: {e}", described.unit())))
+    described.resized(rows, columns).map_err(|e| {
+        StageError::input(format!("the photos show {rows} × {columns} {}: {e}", described.unit()))
+    })
 }
 
 /// The size that most photos with the target have; of equally many the first.
