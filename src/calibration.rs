@@ -39,7 +39,7 @@ pub use quality::{PhotoFault, PhotoQuality, photo_faults, photo_quality};
 pub use solve::{CalibrationError, Options, OutlierPolicy, calibrate, calibrate_with};
 pub use start::StartError;
 pub use target::{
-    Board, BoardPoint, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError, TargetPoint,
+    Board, BoardPoint, ChessboardTarget, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError, TargetPoint,
 };
 pub use uncertainty::{ProjectionSpread, UncertaintyMap, UncertaintyNode, projection_uncertainty};
 pub use zhang::ClosedForm;

@@ -1,10 +1,15 @@
 //! From a photo to the labelled points of the target, each with the paper's three estimates.
 
+mod chessboard;
+mod crossings;
 mod lattice;
 mod localise;
 mod quads;
+mod saddle;
 mod sharp;
 mod squares;
+mod step;
+mod strays;
 
 pub use lattice::{LatticeError, MarkerSeen};
 
@@ -32,15 +37,17 @@ pub enum DetectError {
     /// What was found does not make up the target.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
-    /// Squares were found but their edges are not sharp enough.
+    /// The target was found but its edges are not sharp enough.
     #[error(
-        "the edges of only {located} of {squares} squares could be located: the photo is blurred or the squares are too small"
+        "only {located} of the {found} {what} found could be located exactly: the photo is blurred or the target is too small in it"
     )]
     Unsharp {
-        /// Squares with four located corners.
+        /// What is counted, for example `squares`.
+        what: &'static str,
+        /// Located exactly.
         located: usize,
-        /// Squares found.
-        squares: usize,
+        /// Found.
+        found: usize,
     },
 }
 
@@ -102,6 +109,7 @@ pub fn detect(image: &Grey, target: &Target) -> Result<Detection, DetectError> {
     check(image)?;
     match target {
         Target::Squares(target) => squares::detect(image, target),
+        Target::Chessboard(target) => chessboard::detect(image, target),
     }
 }
 
@@ -115,6 +123,7 @@ pub fn count(image: &Grey, target: &Target) -> Result<(usize, usize), DetectErro
     check(image)?;
     match target {
         Target::Squares(target) => squares::count(image, target),
+        Target::Chessboard(target) => chessboard::count(image, target),
     }
 }
 

@@ -1,7 +1,9 @@
 //! The planar targets: which points of the board can be found in a photo, and what is printed on it.
 
+mod chessboard;
 mod squares;
 
+pub use chessboard::ChessboardTarget;
 pub use squares::{Marker, SquaresTarget};
 
 use crate::camera::ImagePoint;
@@ -152,6 +154,8 @@ pub enum TargetError {
 pub enum Target {
     /// Separated black squares: the paper's.
     Squares(SquaresTarget),
+    /// A chessboard.
+    Chessboard(ChessboardTarget),
 }
 
 impl Target {
@@ -160,6 +164,7 @@ impl Target {
     pub const fn unit(&self) -> &'static str {
         match self {
             Self::Squares(_) => "squares",
+            Self::Chessboard(_) => "inner corners",
         }
     }
     /// Rows and columns of [`Self::unit`].
@@ -167,6 +172,7 @@ impl Target {
     pub const fn size(&self) -> (usize, usize) {
         match self {
             Self::Squares(t) => (t.rows(), t.columns()),
+            Self::Chessboard(t) => (t.rows(), t.columns()),
         }
     }
     /// The same target with other numbers of rows and columns.
@@ -176,6 +182,7 @@ impl Target {
     pub fn resized(&self, rows: usize, columns: usize) -> Result<Self, TargetError> {
         Ok(match self {
             Self::Squares(t) => Self::Squares(t.resized(rows, columns)?),
+            Self::Chessboard(t) => Self::Chessboard(t.resized(rows, columns)?),
         })
     }
     /// All points that calibration uses, row by row.
@@ -183,6 +190,7 @@ impl Target {
     pub fn points(&self) -> Vec<TargetPoint> {
         match self {
             Self::Squares(t) => t.points(),
+            Self::Chessboard(t) => t.points(),
         }
     }
     /// What is printed, in printing order: what comes later covers what came before.
@@ -190,6 +198,7 @@ impl Target {
     pub fn ink(&self) -> Vec<Ink> {
         match self {
             Self::Squares(t) => t.ink(),
+            Self::Chessboard(t) => t.ink(),
         }
     }
 }
@@ -209,3 +218,5 @@ fn checked_size(what: &'static str, rows: usize, columns: usize, least: usize) -
 fn checked_length(what: &'static str, metres: f64) -> Result<(), TargetError> {
     if metres.is_finite() && metres > 0.0 { Ok(()) } else { Err(TargetError::Length { what, metres }) }
 }
+
+pub(super) const STILL: BoardPoint = BoardPoint { x_m: 0.0, y_m: 0.0 };
