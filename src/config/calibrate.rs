@@ -245,11 +245,15 @@ pub struct ModelSpec {
     pub centred: bool,
     /// Whether the board's bend is estimated along with the camera. Default false: it is reported, not used.
     pub bend: bool,
+    /// Whether points far beyond the noise of the others lose weight; they are named either way. Default: true with
+    /// `photos`, false with `corners`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robust: Option<bool>,
 }
 
 impl Default for ModelSpec {
     fn default() -> Self {
-        Self { lens: LensChoice::Auto, skew: None, aspect: None, centred: false, bend: false }
+        Self { lens: LensChoice::Auto, skew: None, aspect: None, centred: false, bend: false, robust: None }
     }
 }
 

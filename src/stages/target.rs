@@ -1,7 +1,7 @@
 //! The calibration target that a pipeline declares, as the library knows it.
 
 use super::context::StageError;
-use crate::calibration::{Marker, SquaresTarget, Target};
+use crate::calibration::{ChessboardTarget, Marker, SquaresTarget, Target};
 use crate::config::target::{HollowSquare, Pattern, Target as Declared};
 
 /// The target; with a number of rows and columns that means nothing when they are to be counted.
@@ -17,6 +17,9 @@ pub fn target(declared: &Declared) -> Result<Target, StageError> {
                 HollowSquare::None => Marker::None,
             };
             SquaresTarget::new(rows, columns, *square_m, *gap_m, marker).map(Target::Squares)
+        }
+        Pattern::Chessboard { square_m } => {
+            ChessboardTarget::new(rows, columns, *square_m).map(Target::Chessboard)
         }
         _ => unimplemented!(),
     };

@@ -1,6 +1,8 @@
 //! The declared lens as the models to fit, and the fit.
 
-use crate::calibration::{Calibration, CalibrationError, LensModel, ViewPoints, calibrate};
+use crate::calibration::{
+    Calibration, CalibrationError, LensModel, Options, OutlierPolicy, ViewPoints, calibrate_with,
+};
 use crate::config::calibrate::{LensChoice, ModelSpec};
 use crate::report::calibration::ChoiceNumbers;
 
@@ -22,14 +24,17 @@ fn declared(lens: LensModel, skew: bool, spec: ModelSpec, side: bool) -> LensMod
 }
 
 /// Fits the declared lens, or the best of several.
+///
+/// - `found`: the points were found in photos by this program: their squares' side is estimated along, and points far
+///   off weigh less unless the pipeline says otherwise.
 pub(super) fn fit(
     views: &[ViewPoints],
     width: u32,
     height: u32,
     spec: ModelSpec,
-    side: bool,
+    found: bool,
 ) -> Result<Fitted, CalibrationError> {
-    let one = |lens, skew| declared(lens, spec.skew.unwrap_or(skew), spec, side);
+    let one = |lens, skew| declared(lens, spec.skew.unwrap_or(skew), spec, found);
     let model = match spec.lens {
         LensChoice::Auto => one(LensModel::BROWN, true),
         LensChoice::Brown5 => one(LensModel::BROWN, true),
@@ -38,6 +43,8 @@ pub(super) fn fit(
         LensChoice::Rational => one(LensModel::RATIONAL, false),
         LensChoice::Fisheye => one(LensModel::FISHEYE, false),
     };
-    let calibration = calibrate(views, width, height, model)?;
+    let robust = spec.robust.unwrap_or(found);
+    let outliers = if robust { OutlierPolicy::WeighDown } else { OutlierPolicy::Keep };
+    let calibration = calibrate_with(views, width, height, Options { model, outliers })?;
     Ok(Fitted { calibration, choice: None, advice: Vec::new() })
 }
