@@ -13,6 +13,7 @@
 
 mod adjust;
 mod board;
+mod compare;
 mod detect;
 mod grey;
 mod lattice;
@@ -31,8 +32,11 @@ mod zhang;
 
 #[cfg(test)]
 mod rendered;
+#[cfg(test)]
+mod simulated;
 
 pub use board::{Bend, BoardShape, Measured};
+pub use compare::{Candidate, Comparison, Judgement, compare};
 pub use detect::{DetectError, DetectedCorner, Detection, MarkerSeen, detect};
 pub use grey::{Grey, GreyError};
 pub use model::LensModel;

@@ -12,14 +12,13 @@ use super::outliers::{outliers, reweigh, robust_sigma, suspects};
 use super::product::{Calibration, PointResidual, View, ViewPoints};
 use super::start::{Start, StartError, starts};
 use super::support::support;
-use super::target::Observation;
 use super::zhang::{BoardPose, ClosedForm};
 use crate::camera::{
     Brown, Camera, CameraError, Fisheye, Interior, InteriorCovariance, Lens, LensFunction, LensKind,
     MAX_INTERIOR, Rational,
 };
 use crate::geometry::{Point, Pose, Rotation};
-use nalgebra::{Matrix6, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector2};
 
 /// What to do with points that do not fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -85,6 +84,9 @@ pub enum CalibrationError {
         /// Its standard deviation, px.
         std_px: f64,
     },
+    /// No model was given to compare.
+    #[error("no lens model was given to compare")]
+    NothingToCompare,
     /// The target is always in the same small part of the frame.
     #[error("all corners of all photos lie in {:.0} % of the frame", 100.0 * .share)]
     SmallPart {
@@ -145,6 +147,44 @@ fn check_extent(views: &[ViewPoints], width: u32, height: u32) -> Result<(), Cal
     if share < LEAST_SHARE { Err(CalibrationError::SmallPart { share }) } else { Ok(()) }
 }
 
+/// Distances of a view's points, px, when the view is placed by other points of it and the lens stays as it was
+/// adjusted to other views.
+///
+/// - `pose`: start of the placing.
+pub(super) fn placed_distances(
+    solved: &Solved,
+    model: &LensModel,
+    pose: BoardPose,
+    fitted: &[Sight],
+    judged: &[Sight],
+) -> Result<Vec<f64>, CalibrationError> {
+    match model.kind {
+        LensKind::Brown => placed::<Brown, 10>(solved, model, pose, fitted, judged),
+        LensKind::Rational => placed::<Rational, 13>(solved, model, pose, fitted, judged),
+        LensKind::Fisheye => placed::<Fisheye, 9>(solved, model, pose, fitted, judged),
+    }
+}
+
+fn placed<L: LensFunction<N>, const N: usize>(
+    solved: &Solved,
+    model: &LensModel,
+    pose: BoardPose,
+    fitted: &[Sight],
+    judged: &[Sight],
+) -> Result<Vec<f64>, CalibrationError> {
+    let model = LensModel { free: [false; MAX_INTERIOR], ..*model };
+    let problem = |sights: &[Sight]| Problem {
+        views: vec![sights.to_vec()],
+        extent: solved.extent,
+        model,
+        board_free: [false; BOARD_TERMS],
+    };
+    let interior: [f64; N] = std::array::from_fn(|k| solved.interior[k]);
+    let state = State { interior, board: solved.board, poses: vec![pose] };
+    let adjusted = adjust::<L, N, N>(&problem(fitted), state).map_err(|error| said(error, L::KIND))?;
+    Ok(distances::<L, N>(&problem(judged), &adjusted.state).into_iter().flatten().collect())
+}
+
 /// Everything an adjustment leaves, for any lens.
 pub(super) struct Solved {
     pub interior: Interior,
@@ -192,14 +232,8 @@ pub(super) fn solve(
 }
 
 fn problem(views: &[ViewPoints], model: LensModel) -> Result<Problem, CalibrationError> {
-    let sight = |o: &Observation| Sight {
-        board: Vector2::new(o.board.x_m, o.board.y_m),
-        growth: Vector2::new(o.growth.x_m, o.growth.y_m),
-        pixel: Vector2::new(o.pixel.column, o.pixel.row),
-        weight: 1.0,
-    };
     let sights: Vec<Vec<Sight>> =
-        views.iter().map(|view| view.observations.iter().map(sight).collect()).collect();
+        views.iter().map(|view| view.observations.iter().map(Sight::of).collect()).collect();
     let extent = BoardExtent::of(sights.iter().flatten().map(|sight| &sight.board));
     // Points that do not move with the side cannot tell it.
     let side = model.side && sights.iter().flatten().any(|sight| sight.growth != Vector2::zeros());
@@ -457,14 +491,7 @@ fn finished_view(view: &ViewPoints, index: usize, lens: &Lens, solved: &Solved) 
         .iter()
         .zip(&solved.weights[index])
         .map(|(o, &weight)| {
-            let sight = Sight {
-                board: Vector2::new(o.board.x_m, o.board.y_m),
-                growth: Vector2::new(o.growth.x_m, o.growth.y_m),
-                pixel: Vector2::zeros(),
-                weight,
-            };
-            let p: Vector3<f64> =
-                pose.rotation * solved.extent.place(&sight, &solved.board) + pose.translation;
+            let p = pose.rotation * solved.extent.place(&Sight::of(o), &solved.board) + pose.translation;
             let predicted = lens.project(&p)?.pixel;
             Some(PointResidual { board: o.board, observed: o.pixel, predicted, weight })
         })
