@@ -12,12 +12,14 @@
 //! Hemerly (2014), "Automatic Georeferencing of Images Acquired by UAV's", section 2, eqs. (1)–(5).
 
 mod adjust;
+mod advice;
 mod board;
 mod compare;
 mod detect;
 mod grey;
 mod lattice;
 mod localise;
+mod mixed;
 mod model;
 mod outliers;
 mod product;
@@ -35,6 +37,7 @@ mod rendered;
 #[cfg(test)]
 mod simulated;
 
+pub use advice::{Advice, FramePart, NearEdge, NextPhoto, advice, next_photo};
 pub use board::{Bend, BoardShape, Measured};
 pub use compare::{Candidate, Comparison, Judgement, compare};
 pub use detect::{DetectError, DetectedCorner, Detection, MarkerSeen, detect};

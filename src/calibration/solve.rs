@@ -7,6 +7,7 @@ use super::adjust::{
     AdjustError, Adjusted, NormalEquations, Problem, Sight, State, adjust, cost, inverse_scaled,
 };
 use super::board::{BOARD_TERMS, BoardEquations, BoardExtent, BoardShape, SIDE};
+use super::mixed::{Mixture, mixture};
 use super::model::{FX, FY, LensModel, SKEW, TERMS};
 use super::outliers::{outliers, reweigh, robust_sigma, suspects};
 use super::product::{Calibration, PointResidual, View, ViewPoints};
@@ -84,6 +85,19 @@ pub enum CalibrationError {
         /// Its standard deviation, px.
         std_px: f64,
     },
+    /// The photos are of more than one camera, or of one at several zooms.
+    #[error(
+        "the photos are not of one camera at one zoom: the focal length of {longer} is {percent:.0} % longer than \
+         that of {shorter}"
+    )]
+    MixedCameras {
+        /// Names of photos with the longer focal length.
+        longer: String,
+        /// Names of photos with the shorter one.
+        shorter: String,
+        /// How much longer, per cent.
+        percent: f64,
+    },
     /// No model was given to compare.
     #[error("no lens model was given to compare")]
     NothingToCompare,
@@ -93,6 +107,42 @@ pub enum CalibrationError {
         /// Share of the frame's area that encloses all corners.
         share: f64,
     },
+}
+
+impl CalibrationError {
+    /// What to do about it; what to photograph next is said by [`super::advice()`].
+    #[must_use]
+    pub const fn help(&self) -> &'static str {
+        match self {
+            Self::Start(StartError::TooFewViews { .. } | StartError::Parallel { .. }) => {
+                "photograph the target filling the frame, tilted by 20° to 45° to all four sides"
+            }
+            Self::Start(StartError::Repeated { .. }) => {
+                "move and tilt the target, or the camera, between photos: copies of one photo tell nothing new"
+            }
+            Self::Start(StartError::TooFewPoints { .. } | StartError::NotFinite { .. }) => {
+                "leave this photo out, or photograph all of the target"
+            }
+            Self::Start(StartError::NoCamera) | Self::NotConverged { .. } => {
+                "check the target's description, and that all photos are of one camera at one zoom and one focus"
+            }
+            Self::Camera(_) | Self::NothingToCompare => "correct the settings",
+            Self::TooFewPoints { .. } => "add photos, or show more of the target in them",
+            Self::Undetermined { .. } => {
+                "estimate fewer parameters, or add photos with the target tilted and near the frame's border"
+            }
+            Self::WeakFocalLength { .. } => {
+                "photograph the target from nearer and tilted by 30° to 45°, so that its far edge looks shorter"
+            }
+            Self::SmallPart { .. } => {
+                "photograph the target from nearer and in all parts of the frame: beyond its corners the lens is \
+                 only guessed"
+            }
+            Self::MixedCameras { .. } => {
+                "calibrate each camera, and each zoom, from its own photos; switch off zoom and autofocus"
+            }
+        }
+    }
 }
 
 /// Calibrates a camera from three or more views of a planar target.
@@ -448,6 +498,7 @@ fn finish(
         .map(|(index, view)| finished_view(view, index, &lens, &solved))
         .collect::<Option<_>>()
         .ok_or(StartError::NoCamera)?;
+    check_mixture(&lens, &adjusted)?;
     let points: usize = views.iter().map(|view| view.observations.len()).sum();
     let j_total: f64 = adjusted.iter().flat_map(|v| &v.points).map(|p| p.distance_px().powi(2)).sum();
     let robust_sigma_px =
@@ -481,8 +532,31 @@ fn finish(
     })
 }
 
+/// Looks for photos of other cameras where the fit is poor.
+fn check_mixture(lens: &Lens, views: &[View]) -> Result<(), CalibrationError> {
+    /// Photos of one camera fit better than this.
+    const POOR_PX: f64 = 0.5;
+    const NAMED: usize = 3;
+    let poor = views.iter().filter(|view| view.rms_px > POOR_PX).count();
+    let Some(Mixture { shorter, longer, ratio }) =
+        (2 * poor >= views.len()).then(|| mixture(lens, views)).flatten()
+    else {
+        return Ok(());
+    };
+    let list = |names: Vec<String>| {
+        let more = names.len().saturating_sub(NAMED);
+        let named = names[..names.len() - more].join(", ");
+        if more > 0 { format!("{named} and {more} more") } else { named }
+    };
+    Err(CalibrationError::MixedCameras {
+        longer: list(longer),
+        shorter: list(shorter),
+        percent: 100.0 * (ratio - 1.0),
+    })
+}
+
 /// Share of the focal length that its standard deviation may reach.
-const WEAK_FOCAL: f64 = 0.1;
+const WEAK_FOCAL: f64 = 0.05;
 
 fn finished_view(view: &ViewPoints, index: usize, lens: &Lens, solved: &Solved) -> Option<View> {
     let pose = &solved.poses[index];

@@ -134,7 +134,7 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
         context.warn(note.clone());
     }
     context.write_product(CAMERA_FILE, camera_json(&made.camera, made.source.clone()).as_bytes())?;
-    context.write_product("camera-opencv.yaml", camera_opencv_yaml(&made.camera).as_bytes())?;
+    context.write_product("camera-opencv.yaml", camera_opencv_yaml(&made.camera).text.as_bytes())?;
     if let Some(calibration) = &made.calibration {
         let worst = worst_view(calibration);
         context.write_product("corners.csv", &corners_csv(&made, calibration)?)?;
