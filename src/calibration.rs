@@ -1,12 +1,16 @@
 //! Camera calibration from photos of a planar target of black squares.
 //!
 //! ```text
-//! photo ──detect──▶ corners (blunt, refined, sharp) ──zhang──▶ closed-form start ──solve──▶ Calibration
+//! photo ──detect──▶ corners (blunt, refined, sharp) ──start──▶ closed form ──adjust──▶ Calibration
+//!                                                                                    │
+//!                compare: which lens · uncertainty: how well, where · advice: what to photograph next
 //! ```
 //!
 //! [`detect`] finds the squares, puts them on the target's lattice and locates their corners in the
-//! paper's three steps; [`calibrate`] takes the corners of three or more views to the ten interior
-//! parameters, one pose per view and their covariance. Nothing here reads a file.
+//! paper's three steps; [`calibrate`] takes the corners of three or more views to the interior parameters of
+//! a lens, one pose per view and their covariance; [`compare`] does so with several lenses and chooses one;
+//! [`projection_uncertainty`] says what the covariance means over the frame; [`advice()`] what would make it
+//! smaller. Nothing here reads a file.
 //!
 //! # Source
 //! Hemerly (2014), "Automatic Georeferencing of Images Acquired by UAV's", section 2, eqs. (1)–(5).
@@ -16,6 +20,7 @@ mod advice;
 mod board;
 mod compare;
 mod detect;
+mod error;
 mod grey;
 mod lattice;
 mod localise;
@@ -41,11 +46,12 @@ pub use advice::{Advice, FramePart, NearEdge, NextPhoto, advice, next_photo};
 pub use board::{Bend, BoardShape, Measured};
 pub use compare::{Candidate, Comparison, Judgement, compare};
 pub use detect::{DetectError, DetectedCorner, Detection, MarkerSeen, detect};
+pub use error::CalibrationError;
 pub use grey::{Grey, GreyError};
 pub use model::LensModel;
 pub use outliers::{Outlier, SuspectView};
 pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
-pub use solve::{CalibrationError, Options, OutlierPolicy, calibrate, calibrate_with};
+pub use solve::{Options, OutlierPolicy, calibrate, calibrate_with};
 pub use start::StartError;
 pub use target::{Board, BoardPoint, Marker, Observation, SquaresTarget, TargetError};
 pub use uncertainty::{ProjectionSpread, UncertaintyMap, UncertaintyNode, projection_uncertainty};

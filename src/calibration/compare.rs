@@ -13,11 +13,10 @@
 //! (Hurvich and Tsai 1989).
 
 use super::adjust::Sight;
+use super::error::CalibrationError;
 use super::model::LensModel;
 use super::product::{Calibration, ViewPoints};
-use super::solve::{
-    CalibrationError, Options, OutlierPolicy, Solved, calibrate_with, placed_distances, solve,
-};
+use super::solve::{Options, OutlierPolicy, Solved, calibrate_with, placed_distances, solve};
 use super::start::Start;
 use super::zhang::{BoardPose, ClosedForm};
 use nalgebra::Rotation3;
