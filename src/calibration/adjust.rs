@@ -9,6 +9,7 @@
 
 use super::board::{BOARD_TERMS, BoardExtent};
 use super::model::{FX, FY, LensModel};
+use super::target::Observation;
 use super::zhang::BoardPose;
 use crate::camera::{ImagePoint, LensFunction};
 use nalgebra::{Matrix6, Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
@@ -24,6 +25,18 @@ pub(super) struct Sight {
     pub pixel: Vector2<f64>,
     /// Weight of its squared residual.
     pub weight: f64,
+}
+
+impl Sight {
+    /// An observation, with weight 1.
+    pub fn of(o: &Observation) -> Self {
+        Self {
+            board: Vector2::new(o.board.x_m, o.board.y_m),
+            growth: Vector2::new(o.growth.x_m, o.growth.y_m),
+            pixel: Vector2::new(o.pixel.column, o.pixel.row),
+            weight: 1.0,
+        }
+    }
 }
 
 /// The observations, view by view, and what is estimated from them.

@@ -7,19 +7,20 @@ use super::adjust::{
     AdjustError, Adjusted, NormalEquations, Problem, Sight, State, adjust, cost, inverse_scaled,
 };
 use super::board::{BOARD_TERMS, BoardEquations, BoardExtent, BoardShape, SIDE};
+use super::error::CalibrationError;
+use super::mixed::{Mixture, mixture};
 use super::model::{FX, FY, LensModel, SKEW, TERMS};
 use super::outliers::{outliers, reweigh, robust_sigma, suspects};
 use super::product::{Calibration, PointResidual, View, ViewPoints};
 use super::start::{Start, StartError, starts};
 use super::support::support;
-use super::target::Observation;
 use super::zhang::{BoardPose, ClosedForm};
 use crate::camera::{
-    Brown, Camera, CameraError, Fisheye, Interior, InteriorCovariance, Lens, LensFunction, LensKind,
-    MAX_INTERIOR, Rational,
+    Brown, Camera, Fisheye, Interior, InteriorCovariance, Lens, LensFunction, LensKind, MAX_INTERIOR,
+    Rational,
 };
 use crate::geometry::{Point, Pose, Rotation};
-use nalgebra::{Matrix6, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector2};
 
 /// What to do with points that do not fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -38,59 +39,6 @@ pub struct Options {
     pub model: LensModel,
     /// What to do with points that do not fit.
     pub outliers: OutlierPolicy,
-}
-
-/// Why there is no calibration.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum CalibrationError {
-    /// No start for the adjustment.
-    #[error(transparent)]
-    Start(#[from] StartError),
-    /// The image has no size.
-    #[error(transparent)]
-    Camera(#[from] CameraError),
-    /// Fewer observed coordinates than parameters.
-    #[error("{coordinates} observed coordinates do not determine {parameters} parameters")]
-    TooFewPoints {
-        /// Two per point.
-        coordinates: usize,
-        /// Interior and six per view.
-        parameters: usize,
-    },
-    /// The cost did not come to rest.
-    #[error("the adjustment did not converge in {iterations} steps (root mean square {rms_px:.3} px)")]
-    NotConverged {
-        /// Steps taken.
-        iterations: usize,
-        /// Where it stood.
-        rms_px: f64,
-    },
-    /// The views do not determine a parameter.
-    #[error(
-        "the views do not determine {parameter}; add views tilted to other sides, or estimate fewer \
-         parameters"
-    )]
-    Undetermined {
-        /// The parameter with the largest share in the undetermined combination.
-        parameter: &'static str,
-    },
-    /// The target shows too little perspective.
-    #[error(
-        "the focal length is {focal_px:.0} px give or take {std_px:.0} px: the target shows too little \
-         perspective"
-    )]
-    WeakFocalLength {
-        /// Focal length, px.
-        focal_px: f64,
-        /// Its standard deviation, px.
-        std_px: f64,
-    },
-    /// The target is always in the same small part of the frame.
-    #[error("all corners of all photos lie in {:.0} % of the frame", 100.0 * .share)]
-    SmallPart {
-        /// Share of the frame's area that encloses all corners.
-        share: f64,
-    },
 }
 
 /// Calibrates a camera from three or more views of a planar target.
@@ -145,6 +93,44 @@ fn check_extent(views: &[ViewPoints], width: u32, height: u32) -> Result<(), Cal
     if share < LEAST_SHARE { Err(CalibrationError::SmallPart { share }) } else { Ok(()) }
 }
 
+/// Distances of a view's points, px, when the view is placed by other points of it and the lens stays as it was
+/// adjusted to other views.
+///
+/// - `pose`: start of the placing.
+pub(super) fn placed_distances(
+    solved: &Solved,
+    model: &LensModel,
+    pose: BoardPose,
+    fitted: &[Sight],
+    judged: &[Sight],
+) -> Result<Vec<f64>, CalibrationError> {
+    match model.kind {
+        LensKind::Brown => placed::<Brown, 10>(solved, model, pose, fitted, judged),
+        LensKind::Rational => placed::<Rational, 13>(solved, model, pose, fitted, judged),
+        LensKind::Fisheye => placed::<Fisheye, 9>(solved, model, pose, fitted, judged),
+    }
+}
+
+fn placed<L: LensFunction<N>, const N: usize>(
+    solved: &Solved,
+    model: &LensModel,
+    pose: BoardPose,
+    fitted: &[Sight],
+    judged: &[Sight],
+) -> Result<Vec<f64>, CalibrationError> {
+    let model = LensModel { free: [false; MAX_INTERIOR], ..*model };
+    let problem = |sights: &[Sight]| Problem {
+        views: vec![sights.to_vec()],
+        extent: solved.extent,
+        model,
+        board_free: [false; BOARD_TERMS],
+    };
+    let interior: [f64; N] = std::array::from_fn(|k| solved.interior[k]);
+    let state = State { interior, board: solved.board, poses: vec![pose] };
+    let adjusted = adjust::<L, N, N>(&problem(fitted), state).map_err(|error| said(error, L::KIND))?;
+    Ok(distances::<L, N>(&problem(judged), &adjusted.state).into_iter().flatten().collect())
+}
+
 /// Everything an adjustment leaves, for any lens.
 pub(super) struct Solved {
     pub interior: Interior,
@@ -192,14 +178,8 @@ pub(super) fn solve(
 }
 
 fn problem(views: &[ViewPoints], model: LensModel) -> Result<Problem, CalibrationError> {
-    let sight = |o: &Observation| Sight {
-        board: Vector2::new(o.board.x_m, o.board.y_m),
-        growth: Vector2::new(o.growth.x_m, o.growth.y_m),
-        pixel: Vector2::new(o.pixel.column, o.pixel.row),
-        weight: 1.0,
-    };
     let sights: Vec<Vec<Sight>> =
-        views.iter().map(|view| view.observations.iter().map(sight).collect()).collect();
+        views.iter().map(|view| view.observations.iter().map(Sight::of).collect()).collect();
     let extent = BoardExtent::of(sights.iter().flatten().map(|sight| &sight.board));
     // Points that do not move with the side cannot tell it.
     let side = model.side && sights.iter().flatten().any(|sight| sight.growth != Vector2::zeros());
@@ -414,6 +394,7 @@ fn finish(
         .map(|(index, view)| finished_view(view, index, &lens, &solved))
         .collect::<Option<_>>()
         .ok_or(StartError::NoCamera)?;
+    check_mixture(&lens, &adjusted)?;
     let points: usize = views.iter().map(|view| view.observations.len()).sum();
     let j_total: f64 = adjusted.iter().flat_map(|v| &v.points).map(|p| p.distance_px().powi(2)).sum();
     let robust_sigma_px =
@@ -447,8 +428,31 @@ fn finish(
     })
 }
 
+/// Looks for photos of other cameras where the fit is poor.
+fn check_mixture(lens: &Lens, views: &[View]) -> Result<(), CalibrationError> {
+    /// Photos of one camera fit better than this.
+    const POOR_PX: f64 = 0.5;
+    const NAMED: usize = 3;
+    let poor = views.iter().filter(|view| view.rms_px > POOR_PX).count();
+    let Some(Mixture { shorter, longer, ratio }) =
+        (2 * poor >= views.len()).then(|| mixture(lens, views)).flatten()
+    else {
+        return Ok(());
+    };
+    let list = |names: Vec<String>| {
+        let more = names.len().saturating_sub(NAMED);
+        let named = names[..names.len() - more].join(", ");
+        if more > 0 { format!("{named} and {more} more") } else { named }
+    };
+    Err(CalibrationError::MixedCameras {
+        longer: list(longer),
+        shorter: list(shorter),
+        percent: 100.0 * (ratio - 1.0),
+    })
+}
+
 /// Share of the focal length that its standard deviation may reach.
-const WEAK_FOCAL: f64 = 0.1;
+const WEAK_FOCAL: f64 = 0.05;
 
 fn finished_view(view: &ViewPoints, index: usize, lens: &Lens, solved: &Solved) -> Option<View> {
     let pose = &solved.poses[index];
@@ -457,14 +461,7 @@ fn finished_view(view: &ViewPoints, index: usize, lens: &Lens, solved: &Solved) 
         .iter()
         .zip(&solved.weights[index])
         .map(|(o, &weight)| {
-            let sight = Sight {
-                board: Vector2::new(o.board.x_m, o.board.y_m),
-                growth: Vector2::new(o.growth.x_m, o.growth.y_m),
-                pixel: Vector2::zeros(),
-                weight,
-            };
-            let p: Vector3<f64> =
-                pose.rotation * solved.extent.place(&sight, &solved.board) + pose.translation;
+            let p = pose.rotation * solved.extent.place(&Sight::of(o), &solved.board) + pose.translation;
             let predicted = lens.project(&p)?.pixel;
             Some(PointResidual { board: o.board, observed: o.pixel, predicted, weight })
         })

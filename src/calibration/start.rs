@@ -223,6 +223,24 @@ fn bearings(
         .collect()
 }
 
+/// Directions of the board's normal in the views, away from the camera, as a lens of 53° would give them; views
+/// whose points do not tell are left out.
+pub(super) fn nominal_normals(views: &[ViewPoints], width: u32, height: u32) -> Vec<Vector3<f64>> {
+    let frame = Frame::new(width, height);
+    let finite = |v: &&ViewPoints| {
+        v.observations.iter().all(|o| o.pixel.column.is_finite() && o.pixel.row.is_finite())
+    };
+    views
+        .iter()
+        .filter(finite)
+        .filter_map(|view| {
+            let points = bearings(view, |pixel| Some(frame.centred(pixel).push(1.0)));
+            let pose = zhang::pose(&zhang::homography(&points)?)?;
+            Some(pose.rotation * Vector3::z())
+        })
+        .collect()
+}
+
 /// Counts the directions of the board's normal.
 fn directions(normals: impl Iterator<Item = Vector3<f64>>, needed: usize) -> Result<(), StartError> {
     let angle = |a: &Vector3<f64>, b: &Vector3<f64>| a.cross(b).norm().atan2(a.dot(b).abs());

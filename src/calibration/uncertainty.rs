@@ -81,19 +81,9 @@ impl UncertaintyMap {
 /// The map of a calibration, on a grid of at least 2 × 2 pixels from corner to corner of the frame.
 #[must_use]
 pub fn projection_uncertainty(calibration: &Calibration, columns: usize, rows: usize) -> UncertaintyMap {
-    let (columns, rows) = (columns.max(2), rows.max(2));
-    let camera = &calibration.camera;
-    let covariance = camera.covariance.unwrap_or_else(InteriorCovariance::zeros);
-    let outlines: Vec<Vec<ImagePoint>> = calibration.views.iter().map(outline).collect();
-    let pixels: Vec<ImagePoint> = grid(camera, columns, rows).collect();
-    let supported: Vec<bool> =
-        pixels.iter().map(|pixel| outlines.iter().any(|outline| contains(outline, *pixel))).collect();
-    let sights: Vec<Option<Sight>> = pixels.iter().map(|pixel| Sight::of(&camera.lens, *pixel)).collect();
-    // A frame that no photo supports anywhere is fitted as a whole.
-    let any = supported.contains(&true);
-    let fitted =
-        sights.iter().zip(&supported).filter(|(_, s)| **s || !any).filter_map(|(sight, _)| sight.as_ref());
-    let turn = common_rotation(fitted);
+    let covariance = calibration.camera.covariance.unwrap_or_else(InteriorCovariance::zeros);
+    let FrameSights { columns, rows, pixels, supported, sights, turn } =
+        FrameSights::new(calibration, columns, rows);
     let nodes = pixels
         .into_iter()
         .zip(supported)
@@ -105,6 +95,44 @@ pub fn projection_uncertainty(calibration: &Calibration, columns: usize, rows: u
         })
         .collect();
     UncertaintyMap { columns, rows, nodes }
+}
+
+/// What a grid of pixels sees, and the common rotation that is taken out of every change of the camera.
+pub(super) struct FrameSights {
+    columns: usize,
+    rows: usize,
+    pixels: Vec<ImagePoint>,
+    supported: Vec<bool>,
+    sights: Vec<Option<Sight>>,
+    turn: TurnByInterior,
+}
+
+impl FrameSights {
+    /// Over a grid of at least 2 × 2 pixels from corner to corner of the frame.
+    pub fn new(calibration: &Calibration, columns: usize, rows: usize) -> Self {
+        let (columns, rows) = (columns.max(2), rows.max(2));
+        let camera = &calibration.camera;
+        let outlines: Vec<Vec<ImagePoint>> = calibration.views.iter().map(outline).collect();
+        let pixels: Vec<ImagePoint> = grid(camera, columns, rows).collect();
+        let supported: Vec<bool> =
+            pixels.iter().map(|pixel| outlines.iter().any(|outline| contains(outline, *pixel))).collect();
+        let sights: Vec<Option<Sight>> = pixels.iter().map(|pixel| Sight::of(&camera.lens, *pixel)).collect();
+        // A frame that no photo supports anywhere is fitted as a whole.
+        let any = supported.contains(&true);
+        let fitted = sights.iter().zip(&supported).filter(|(_, s)| **s || !any);
+        let turn = common_rotation(fitted.filter_map(|(sight, _)| sight.as_ref()));
+        Self { columns, rows, pixels, supported, sights, turn }
+    }
+
+    /// Root mean square over the frame of the standard deviation of a projected coordinate, px.
+    pub fn rms_px(&self, covariance: &InteriorCovariance) -> f64 {
+        let variances = self.sights.iter().flatten().map(|sight| {
+            let turned = sight.by_interior - sight.by_rotation * self.turn;
+            0.5 * (turned * covariance * turned.transpose()).trace()
+        });
+        let (sum, count) = variances.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
+        (sum / f64::max(count, 1.0)).sqrt()
+    }
 }
 
 /// Pixels of a grid from corner to corner of the frame, row by row.

@@ -12,8 +12,12 @@
 //! `model` is `brown` (k1 k2 p1 p2 k3), `rational` (k1 k2 p1 p2 k3 k4 k5 k6) or `fisheye` (k1 k2 k3 k4).
 
 mod opencv;
+mod opensfm;
+mod ros;
 
 pub use opencv::camera_opencv_yaml;
+pub use opensfm::camera_opensfm_json;
+pub use ros::camera_ros_yaml;
 
 use super::InputError;
 use crate::camera::{Camera, Interior, InteriorCovariance, Lens, LensKind, MAX_INTERIOR};
@@ -23,6 +27,32 @@ use std::path::Path;
 const FORMAT: &str = "boresight-camera";
 const VERSION: u32 = 1;
 const PIXEL_ORIGIN: &str = "centre_of_top_left_pixel";
+
+/// A camera in another program's format, and what that format cannot hold.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Exported {
+    /// The file's text.
+    pub text: String,
+    /// What was lost, in sentences; also in the text where the format has comments.
+    pub losses: Vec<String>,
+}
+
+/// A format has no such lens.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{format} has no {lens} lens")]
+pub struct ExportError {
+    /// The lens.
+    pub lens: &'static str,
+    /// The format.
+    pub format: &'static str,
+}
+
+/// Says that the skew is lost, and by how much it moves pixels at the frame's upper and lower border.
+fn skew_loss(camera: &Camera, what: &str) -> String {
+    let [_, fy, skew, _, cy, ..] = camera.lens.interior();
+    let farthest = cy.abs().max((f64::from(camera.height) - 1.0 - cy).abs());
+    format!("{what}: {skew} px, which moves columns by up to {:.2} px", (skew * farthest / fy).abs())
+}
 
 /// Our format, key by key; which lens terms there are depends on the model.
 #[derive(Serialize, Deserialize)]

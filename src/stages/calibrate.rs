@@ -157,7 +157,7 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
         context.warn(note.clone());
     }
     context.write_product(CAMERA_FILE, camera_json(&made.camera, made.source.clone()).as_bytes())?;
-    context.write_product("camera-opencv.yaml", camera_opencv_yaml(&made.camera).as_bytes())?;
+    context.write_product("camera-opencv.yaml", camera_opencv_yaml(&made.camera).text.as_bytes())?;
     if let Some(calibration) = &made.calibration {
         context.write_product("corners.csv", &numbers::corners_csv(&made, calibration)?)?;
         let uncertainty = pictures::Uncertainty::of(calibration, made.report_height_m);

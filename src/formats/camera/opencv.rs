@@ -1,48 +1,46 @@
-//! OpenCV's camera files: FileStorage YAML as its calibration samples write and read it.
+//! OpenCV's camera files: FileStorage YAML as its calibration samples write and read it. ROS camera_info files,
+//! which use the same keys, are read here too.
 
-use super::camera;
+use super::{Exported, camera, skew_loss};
 use crate::camera::{Camera, Interior, LensKind, MAX_INTERIOR};
 use crate::formats::InputError;
 use serde::Deserialize;
-use std::fmt::Write;
 use std::path::Path;
 
 /// The camera as OpenCV's FileStorage writes it, for OpenCV's own programs.
 ///
-/// What OpenCV has no place for is said in comments: the covariance is left out, and OpenCV's functions take
-/// the skew as zero although it stands in the matrix.
+/// The covariance is left out, and OpenCV's functions take the skew as zero although it stands in the matrix.
 #[must_use]
-pub fn camera_opencv_yaml(camera: &Camera) -> String {
+pub fn camera_opencv_yaml(camera: &Camera) -> Exported {
     let interior = camera.lens.interior();
     let [fx, fy, skew, cx, cy, ..] = interior;
     let terms = &interior[5..camera.lens.names().len()];
-    let mut text = String::from("%YAML:1.0\n---\n");
-    // Writing into a String cannot fail.
+    let mut losses = Vec::new();
     if skew != 0.0 {
-        let _ =
-            writeln!(text, "# skew {skew} px in row 1, column 2 of the matrix: OpenCV's functions ignore it");
+        losses.push(skew_loss(camera, "OpenCV's functions ignore the skew in row 1, column 2 of the matrix"));
     }
     if camera.covariance.is_some() {
-        text.push_str(
-            "# the covariance of these parameters is in camera.json: this format has no place for it\n",
-        );
+        losses.push("OpenCV has no place for the covariance: it is in camera.json".to_owned());
     }
-    let row = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", ");
-    let _ = writeln!(text, "image_width: {}\nimage_height: {}", camera.width, camera.height);
-    if camera.lens.kind() == LensKind::Fisheye {
-        text.push_str("fisheye_model: 1\n");
-    }
-    let _ = write!(
-        text,
-        "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ {},\n       0., {},\n       \
+    let comments: String = losses.iter().map(|loss| format!("# {loss}\n")).collect();
+    let fisheye = if camera.lens.kind() == LensKind::Fisheye { "fisheye_model: 1\n" } else { "" };
+    let text = format!(
+        "%YAML:1.0\n---\n{comments}image_width: {}\nimage_height: {}\n{fisheye}camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ {},\n       0., {},\n       \
          0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: {}\n   cols: 1\n   dt: d\n   \
          data: [ {} ]\n",
+        camera.width,
+        camera.height,
         row(&[fx, skew, cx]),
         row(&[fy, cy]),
         terms.len(),
         row(terms),
     );
-    text
+    Exported { text, losses }
+}
+
+/// Numbers with commas between.
+pub(super) fn row(values: &[f64]) -> String {
+    values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", ")
 }
 
 /// Shortest text that reads back to the same bits, with the decimal point that OpenCV needs to see a real.
@@ -69,6 +67,7 @@ pub(super) fn from_text(file: &Path, text: &str) -> Result<Camera, InputError> {
         camera_matrix: Option<Matrix>,
         distortion_coefficients: Option<Matrix>,
         fisheye_model: Option<i64>,
+        distortion_model: Option<String>,
     }
     // OpenCV's first line and its tag are not legal YAML; lines are kept so that places stay right.
     let yaml: String = text
@@ -106,7 +105,13 @@ pub(super) fn from_text(file: &Path, text: &str) -> Result<Camera, InputError> {
     }
     let lens = parsed.distortion_coefficients.ok_or_else(|| missing("distortion_coefficients"))?;
     let coefficients = lens.data;
-    let fisheye = parsed.fisheye_model.is_some_and(|flag| flag != 0);
+    let named = parsed.distortion_model.as_deref();
+    if let Some(unknown) = named.filter(|n| !["plumb_bob", "rational_polynomial", "equidistant"].contains(n))
+    {
+        let cause = format!("`distortion_model` is \"{unknown}\": this program has no such lens");
+        return Err(InputError::new(file, cause));
+    }
+    let fisheye = parsed.fisheye_model.is_some_and(|flag| flag != 0) || named == Some("equidistant");
     let lengths: &[usize] = if fisheye { &[4] } else { &[0, 4, 5, 8, 12, 14] };
     if lens.rows * lens.cols != coefficients.len() || !lengths.contains(&coefficients.len()) {
         let cause = format!(

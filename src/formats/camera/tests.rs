@@ -35,7 +35,8 @@ fn our_format_comes_back_to_the_last_bit() {
 
 #[test]
 fn opencvs_format_comes_back_to_the_last_bit_without_its_covariance() {
-    let text = camera_opencv_yaml(&paper(Some(awkward_covariance())));
+    let Exported { text, losses } = camera_opencv_yaml(&paper(Some(awkward_covariance())));
+    assert!(losses[0].contains("skew") && losses[1].contains("covariance"));
     assert_eq!(read(&text).unwrap(), paper(None));
     assert!(text.starts_with("%YAML:1.0\n---\n") && text.contains("camera.json"));
 }
@@ -56,7 +57,7 @@ fn every_lens_comes_back_from_both_formats() {
         let without = text.replacen("\"k1\": ", "\"k1\": null, \"p1\": ", 1);
         assert!(read(&without).is_err(), "{without}");
         let bare = Camera { covariance: None, ..camera };
-        assert_eq!(read(&camera_opencv_yaml(&bare)).unwrap(), bare);
+        assert_eq!(read(&camera_opencv_yaml(&bare).text).unwrap(), bare);
     }
 }
 
@@ -117,4 +118,50 @@ fn what_is_wrong_with_a_file_is_said() {
     broken[(2, 5)] *= 1.5;
     let text = camera_json(&paper(Some(broken)), serde_json::Value::Null);
     assert!(read(&text).unwrap_err().cause.contains("not symmetric for skew_px and k1"));
+}
+
+#[test]
+fn other_programs_get_what_they_read() {
+    let camera = paper(Some(awkward_covariance()));
+    let ros = camera_ros_yaml(&camera, "uav");
+    let expected = "# ROS has no skew; it is left out: -0.7729 px, which moves columns by up to 0.36 px\n\
+        # ROS has no place for the covariance: it is in camera.json\n\
+        image_width: 1152\nimage_height: 648\ncamera_name: \"uav\"\ncamera_matrix:\n  rows: 3\n  cols: 3\n  \
+        data: [743.7937, 0., 566.367, 0., 748.9947, 345.5019, 0., 0., 1.]\ndistortion_model: plumb_bob\n\
+        distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.0199, 0.1629, 0.0076, 0.0039, -0.3018]\n\
+        rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1., 0., 0., 0., 1., 0., 0., 0., 1.]\n\
+        projection_matrix:\n  rows: 3\n  cols: 4\n  \
+        data: [743.7937, 0., 566.367, 0., 0., 748.9947, 345.5019, 0., 0., 0., 1., 0.]\n";
+    assert_eq!(ros.text, expected);
+    assert_eq!(ros.losses.len(), 2);
+    let opensfm = camera_opensfm_json(&camera, "v2 uav").unwrap();
+    let entry: serde_json::Value = serde_json::from_str(&opensfm.text).unwrap();
+    let entry = &entry["v2 uav"];
+    assert_eq!((entry["projection_type"].as_str(), entry["k3"].as_f64()), (Some("brown"), Some(-0.3018)));
+    let close = |key: &str, expected: f64| (entry[key].as_f64().unwrap() - expected).abs() < 1e-15;
+    assert!(close("focal_x", 743.7937 / 1152.0) && close("focal_y", 748.9947 / 1152.0));
+    // The middle of 1152 × 648 pixels is (575.5, 323.5).
+    assert!(close("c_x", (566.367 - 575.5) / 1152.0) && close("c_y", (345.5019 - 323.5) / 1152.0));
+    assert!(opensfm.losses[0].contains("no skew"));
+}
+
+#[test]
+fn ros_files_are_read_back_but_for_the_skew() {
+    let square = |kind: LensKind| {
+        let mut interior = [0.0; MAX_INTERIOR];
+        interior[..5].copy_from_slice(&[743.5, 748.25, 0.0, 566.25, 345.5]);
+        (5..kind.names().len()).for_each(|k| interior[k] = 0.01 * k as f64);
+        Camera::new(Lens::new(kind, &interior).unwrap(), 1152, 648, None).unwrap()
+    };
+    for camera in LensKind::ALL.map(square) {
+        let ros = camera_ros_yaml(&camera, "a \"quoted\" name");
+        assert!(ros.losses.is_empty());
+        assert_eq!(read(&ros.text).unwrap(), camera, "{}", ros.text);
+    }
+    let unknown = camera_ros_yaml(&square(LensKind::Brown), "x").text.replace("plumb_bob", "omni");
+    assert!(read(&unknown).unwrap_err().cause.contains("omni"));
+    let error = camera_opensfm_json(&square(LensKind::Rational), "x").unwrap_err();
+    assert_eq!(error.to_string(), "cameras.json has no rational lens");
+    let fisheye = camera_opensfm_json(&square(LensKind::Fisheye), "x").unwrap().text;
+    assert!(fisheye.contains("fisheye_opencv") && fisheye.contains("\"k4\""));
 }
