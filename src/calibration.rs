@@ -21,11 +21,14 @@ mod zhang;
 #[cfg(test)]
 mod rendered;
 
-pub use detect::{DetectError, DetectedCorner, Detection, LatticeError, MarkerSeen, count, detect};
+pub use detect::{
+    DetectError, DetectedCorner, Detection, GridError, LatticeError, MarkerSeen, count, detect,
+};
 pub use grey::{Grey, GreyError};
 pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
 pub use solve::{CalibrationError, Lens, LensModel, calibrate};
 pub use target::{
-    Board, BoardPoint, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError, TargetPoint,
+    Board, BoardPoint, CircleLayout, CirclesTarget, Ink, Marker, Observation, Shape, SquaresTarget, Target,
+    TargetError, TargetPoint,
 };
 pub use zhang::{ClosedForm, StartError};

@@ -1,11 +1,16 @@
 //! From a photo to the labelled points of the target, each with the paper's three estimates.
 
+mod areas;
+mod circles;
+mod grid;
 mod lattice;
 mod localise;
+mod plane;
 mod quads;
 mod sharp;
 mod squares;
 
+pub use grid::GridError;
 pub use lattice::{LatticeError, MarkerSeen};
 
 use super::grey::Grey;
@@ -32,6 +37,9 @@ pub enum DetectError {
     /// What was found does not make up the target.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
+    /// The same for targets other than separated squares.
+    #[error(transparent)]
+    Grid(#[from] GridError),
     /// Squares were found but their edges are not sharp enough.
     #[error(
         "the edges of only {located} of {squares} squares could be located: the photo is blurred or the squares are too small"
@@ -102,6 +110,7 @@ pub fn detect(image: &Grey, target: &Target) -> Result<Detection, DetectError> {
     check(image)?;
     match target {
         Target::Squares(target) => squares::detect(image, target),
+        Target::Circles(target) => circles::detect(image, target),
     }
 }
 
@@ -115,6 +124,7 @@ pub fn count(image: &Grey, target: &Target) -> Result<(usize, usize), DetectErro
     check(image)?;
     match target {
         Target::Squares(target) => squares::count(image, target),
+        Target::Circles(target) => circles::count(image, target),
     }
 }
 

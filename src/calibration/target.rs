@@ -1,7 +1,9 @@
 //! The planar targets: which points of the board can be found in a photo, and what is printed on it.
 
+mod circles;
 mod squares;
 
+pub use circles::{CircleLayout, CirclesTarget};
 pub use squares::{Marker, SquaresTarget};
 
 use crate::camera::ImagePoint;
@@ -145,6 +147,18 @@ pub enum TargetError {
         /// What was given.
         metres: f64,
     },
+    /// Two lengths that do not go together.
+    #[error("the target's {what} ({metres} m) must be smaller than its {whole} ({whole_metres} m)")]
+    TooLong {
+        /// The part.
+        what: &'static str,
+        /// Its length.
+        metres: f64,
+        /// What it must fit into.
+        whole: &'static str,
+        /// That one's length.
+        whole_metres: f64,
+    },
 }
 
 /// A target of any kind.
@@ -152,6 +166,8 @@ pub enum TargetError {
 pub enum Target {
     /// Separated black squares: the paper's.
     Squares(SquaresTarget),
+    /// Black discs in rows and columns.
+    Circles(CirclesTarget),
 }
 
 impl Target {
@@ -160,6 +176,7 @@ impl Target {
     pub const fn unit(&self) -> &'static str {
         match self {
             Self::Squares(_) => "squares",
+            Self::Circles(_) => "circles",
         }
     }
     /// Rows and columns of [`Self::unit`].
@@ -167,6 +184,7 @@ impl Target {
     pub const fn size(&self) -> (usize, usize) {
         match self {
             Self::Squares(t) => (t.rows(), t.columns()),
+            Self::Circles(t) => (t.rows(), t.columns()),
         }
     }
     /// The same target with other numbers of rows and columns.
@@ -176,6 +194,7 @@ impl Target {
     pub fn resized(&self, rows: usize, columns: usize) -> Result<Self, TargetError> {
         Ok(match self {
             Self::Squares(t) => Self::Squares(t.resized(rows, columns)?),
+            Self::Circles(t) => Self::Circles(t.resized(rows, columns)?),
         })
     }
     /// All points that calibration uses, row by row.
@@ -183,6 +202,7 @@ impl Target {
     pub fn points(&self) -> Vec<TargetPoint> {
         match self {
             Self::Squares(t) => t.points(),
+            Self::Circles(t) => t.points(),
         }
     }
     /// What is printed, in printing order: what comes later covers what came before.
@@ -190,6 +210,7 @@ impl Target {
     pub fn ink(&self) -> Vec<Ink> {
         match self {
             Self::Squares(t) => t.ink(),
+            Self::Circles(t) => t.ink(),
         }
     }
 }
@@ -209,3 +230,5 @@ fn checked_size(what: &'static str, rows: usize, columns: usize, least: usize) -
 fn checked_length(what: &'static str, metres: f64) -> Result<(), TargetError> {
     if metres.is_finite() && metres > 0.0 { Ok(()) } else { Err(TargetError::Length { what, metres }) }
 }
+
+const STILL: BoardPoint = BoardPoint { x_m: 0.0, y_m: 0.0 };
