@@ -2,7 +2,7 @@
 
 use super::super::MarkerSeen;
 use super::*;
-use crate::calibration::rendered::{Look, paper_camera, paper_poses, photo, pose, see};
+use crate::calibration::rendered::{Look, hard_view, paper_camera, paper_poses, photo, pose, see};
 use crate::calibration::target::{Marker, Target};
 use crate::calibration::zhang::BoardPose;
 
@@ -32,7 +32,7 @@ fn errors(
 fn the_papers_target_is_found_to_a_thirtieth_of_a_pixel_without_inward_bias() {
     let target = SquaresTarget::paper();
     for (i, pose) in paper_poses().iter().enumerate() {
-        let image = photo(&paper_camera(), pose, &target, Look::PAPER);
+        let image = photo(&paper_camera(), pose, &Target::Squares(target), Look::PAPER);
         let detection = detect(&image, &target).unwrap();
         assert_eq!(detection.corners.len(), 192, "view {i}");
         assert_eq!(detection.marker, MarkerSeen::Hollow);
@@ -50,7 +50,7 @@ fn any_turn_of_the_board_gives_the_same_labels() {
     let target = SquaresTarget::paper();
     for in_plane in [20.0, 47.0, 90.0, 135.0, 180.0, 250.0, 315.0] {
         let pose = pose(&target, 0.36, (0.01, 0.0), (20.0, -25.0, in_plane));
-        let image = photo(&paper_camera(), &pose, &target, Look { seed: 4, ..Look::PAPER });
+        let image = photo(&paper_camera(), &pose, &Target::Squares(target), Look { seed: 4, ..Look::PAPER });
         let detection = detect(&image, &target).unwrap();
         assert_eq!(detection.corners.len(), 192, "turned by {in_plane}°");
         let (sharp, outwards) = errors(&detection, &pose, &target, |c| c.sharp);
@@ -71,7 +71,7 @@ fn uneven_light_blur_noise_small_and_tilted_targets() {
     ];
     for (name, distance, tilt, look, limit) in cases {
         let pose = pose(&target, distance, (0.0, 0.0), (0.6 * tilt, 0.8 * tilt, 10.0));
-        let image = photo(&paper_camera(), &pose, &target, look);
+        let image = photo(&paper_camera(), &pose, &Target::Squares(target), look);
         let detection = detect(&image, &target).unwrap_or_else(|e| panic!("{name}: {e}"));
         let (sharp, _) = errors(&detection, &pose, &target, |c| c.sharp);
         assert_eq!(detection.corners.len(), 192, "{name}");
@@ -89,7 +89,7 @@ fn rows_and_columns_are_counted_as_the_target_is_read() {
         (Marker::None, 80.0, (4, 6)),
     ] {
         let pose = pose(&wide(marker), 0.45, (0.0, 0.0), (20.0, -15.0, in_plane));
-        let image = photo(&paper_camera(), &pose, &wide(marker), Look::PAPER);
+        let image = photo(&paper_camera(), &pose, &Target::Squares(wide(marker)), Look::PAPER);
         let unsized_target = SquaresTarget::new(2, 2, 0.02, 0.02, marker).unwrap();
         assert_eq!(count(&image, &unsized_target), Ok(expected), "{marker:?} turned by {in_plane}°");
     }
@@ -101,7 +101,8 @@ fn what_is_not_the_target_is_said() {
     let six = SquaresTarget::new(6, 6, 0.0157, 0.0157, Marker::None).unwrap();
     let plain = SquaresTarget::new(7, 7, 0.0157, 0.0157, Marker::None).unwrap();
     let pose = pose(&seven, 0.35, (0.0, 0.0), (20.0, -15.0, 5.0));
-    let drawn = |target: &SquaresTarget| photo(&paper_camera(), &pose, target, Look::PAPER);
+    let drawn =
+        |target: &SquaresTarget| photo(&paper_camera(), &pose, &Target::Squares(*target), Look::PAPER);
     let say = |image: &Grey, target: &SquaresTarget| detect(image, target).unwrap_err().to_string();
     assert_eq!(say(&drawn(&six), &seven), "found 6 × 6 squares of the declared 7 × 7");
     assert!(say(&drawn(&plain), &six).contains("more than the declared 6 × 6"));
@@ -126,13 +127,34 @@ fn photos_larger_than_the_search_are_located_in_full() {
     let camera = crate::camera::Brown::new(interior).unwrap();
     let look = Look { width: 3456, height: 1944, blur_px: 1.5, ..Look::PAPER };
     let pose = paper_poses()[0];
-    let detection = detect(&photo(&camera, &pose, &target, look), &target).unwrap();
+    let detection = detect(&photo(&camera, &pose, &Target::Squares(target), look), &target).unwrap();
     assert_eq!(detection.corners.len(), 192);
     for corner in &detection.corners {
         let truth = see(&camera, &pose, corner.board);
         let miss = f64::hypot(corner.sharp.column - truth.column, corner.sharp.row - truth.row);
         assert!(miss < 0.1, "{corner:?} misses by {miss} px");
     }
+}
+
+/// Views in which the target was found, and found points more than 2 px from their truth in all of them.
+fn hard_renders(seeds: std::ops::Range<u64>) -> (usize, usize) {
+    use rayon::prelude::*;
+    let target = SquaresTarget::paper();
+    let results: Vec<_> = seeds
+        .into_par_iter()
+        .filter_map(|seed| {
+            let view = hard_view(&Target::Squares(target), seed);
+            let detection = detect(&view.photo(&Target::Squares(target)), &target).ok()?;
+            Some(detection.corners.iter().filter(|c| view.miss(c.board, c.sharp) > 2.0).count())
+        })
+        .collect();
+    (results.len(), results.iter().sum())
+}
+
+#[test]
+fn hard_renders_are_found_and_labelled_rightly() {
+    let (found, _) = hard_renders(0..60);
+    assert!(found >= 54, "{found} of 60 found");
 }
 
 proptest::proptest! {
