@@ -10,6 +10,9 @@ mod quads;
 mod sharp;
 mod squares;
 
+#[cfg(test)]
+mod hard_sample;
+
 pub use grid::GridError;
 pub use lattice::{LatticeError, MarkerSeen};
 

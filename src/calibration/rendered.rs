@@ -3,7 +3,7 @@
 mod hard;
 mod print;
 
-pub(super) use hard::hard_view;
+pub(super) use hard::{HardView, hard_view};
 
 use super::grey::Grey;
 use super::target::{BoardPoint, Observation, SquaresTarget, Target, TargetPoint};

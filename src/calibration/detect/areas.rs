@@ -142,17 +142,12 @@ mod tests {
 
     #[test]
     fn areas_join_along_sides_only_and_keep_off_the_border() {
-        let (dark, width) = picture(&[
-            "............", //
-            ".#.#..##..#.",
-            ".###.#..#.#.",
-            "......##..##",
-            "............",
-        ]);
+        let (dark, width) =
+            picture(&["............", ".#.#..##..#.", ".###.#..#..#", "......##...#", "............"]);
         let areas = dark_areas(&dark, width, 1, 100);
         let sizes: Vec<usize> = areas.iter().map(|area| area.dark).collect();
-        // The U is one area; the ring's parts meet at corners only; the last touches the border.
-        assert_eq!(sizes, [5, 2, 1, 1, 2]);
+        // The U is one area; the ring's parts meet at corners only; what touches the border is left out.
+        assert_eq!(sizes, [5, 2, 1, 1, 1, 2]);
         assert_eq!(areas[0].filled, 6);
         assert_eq!((areas[0].columns(), areas[0].top, areas[0].rows.len()), ((1, 3), 1, 2));
     }

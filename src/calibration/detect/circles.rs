@@ -171,3 +171,6 @@ fn free_radii(labels: &Labels, label: &Labelled) -> f64 {
         .fold(f64::INFINITY, f64::min);
     (nearest - 2.0).max(0.1)
 }
+
+#[cfg(test)]
+mod tests;

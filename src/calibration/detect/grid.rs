@@ -25,6 +25,14 @@ pub enum GridError {
         /// Columns declared.
         columns: usize,
     },
+    /// A grid, but not in this layout.
+    #[error("found {found} {unit} in rows and columns, but not in the declared layout")]
+    Layout {
+        /// For example `circles`.
+        unit: &'static str,
+        /// How many.
+        found: usize,
+    },
     /// Too many are hidden.
     #[error("only {found} of the target's {expected} {unit} are visible")]
     Incomplete {

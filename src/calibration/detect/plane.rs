@@ -1,6 +1,6 @@
 //! The mapping between a plane and its image, fitted to points.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 /// Homography that takes each pair's first point to its second, by least squares; `None` when the points do
 /// not determine it or lie on both sides of the plane's horizon.
@@ -10,19 +10,36 @@ pub(super) fn homography(pairs: &[(Vector2<f64>, Vector2<f64>)]) -> Option<Matri
     }
     let (from, to) = (normaliser(pairs.iter().map(|p| p.0))?, normaliser(pairs.iter().map(|p| p.1))?);
     let apply = |(centre, scale): &(Vector2<f64>, f64), p: Vector2<f64>| (p - centre) * *scale;
-    let mut matrix = SMatrix::<f64, 8, 8>::zeros();
+    // Unknowns h11 h12 h13, h21 h22 h23, h31 h32 with h33 = 1. The first two blocks of the normal equations are
+    // alike and do not mix.
+    let mut block = Matrix3::zeros();
+    let mut mixed = SMatrix::<f64, 6, 2>::zeros();
+    let mut last = Matrix2::zeros();
     let mut right = SVector::<f64, 8>::zeros();
     for pair in pairs {
         let (a, b) = (apply(&from, pair.0), apply(&to, pair.1));
-        for (row, seen) in [
-            ([a.x, a.y, 1.0, 0.0, 0.0, 0.0, -b.x * a.x, -b.x * a.y], b.x),
-            ([0.0, 0.0, 0.0, a.x, a.y, 1.0, -b.y * a.x, -b.y * a.y], b.y),
-        ] {
-            let row = SVector::<f64, 8>::from(row);
-            matrix += row * row.transpose();
-            right += row * seen;
+        let along = a.push(1.0);
+        let product = along * along.transpose();
+        block += product;
+        for (at, seen) in [(0, b.x), (3, b.y)] {
+            for i in 0..3 {
+                for j in 0..2 {
+                    mixed[(at + i, j)] -= seen * product[(i, j)];
+                }
+                right[at + i] += seen * along[i];
+            }
         }
+        let square = b.norm_squared();
+        last += a * a.transpose() * square;
+        right[6] -= square * a.x;
+        right[7] -= square * a.y;
     }
+    let mut matrix = SMatrix::<f64, 8, 8>::zeros();
+    matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(&block);
+    matrix.fixed_view_mut::<3, 3>(3, 3).copy_from(&block);
+    matrix.fixed_view_mut::<2, 6>(6, 0).copy_from(&mixed.transpose());
+    matrix.fixed_view_mut::<2, 2>(6, 6).copy_from(&last);
+    // Only the lower triangle is read.
     let h = matrix.cholesky()?.solve(&right);
     let middle = Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0);
     let into = Matrix3::new(from.1, 0.0, -from.1 * from.0.x, 0.0, from.1, -from.1 * from.0.y, 0.0, 0.0, 1.0);

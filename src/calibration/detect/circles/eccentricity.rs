@@ -14,8 +14,15 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 const REACH: f64 = 2.9;
 /// Fewest circles for it.
 const LEAST: usize = 8;
-/// A circle farther from where the others put it, in steps, is none of them.
+/// A circle's distance from where the others put it is allowed at least and at most this, in steps ...
+const LEAST_MISS: f64 = 0.015;
 const MOST_MISS: f64 = 0.12;
+/// ... and within these bounds, as its change of size, this many times the median.
+const USUAL: f64 = 6.0;
+/// Radii may differ by this share in any case.
+const LEAST_CHANGE: f64 = 0.04;
+/// Rounds in which misfits are left out.
+const MAX_ROUNDS: usize = 12;
 
 /// A located circle of the board, both in units of the board and pixels.
 #[derive(Debug, Clone, Copy)]
@@ -25,20 +32,66 @@ pub(super) struct Placed {
     pub ellipse: Ellipse,
 }
 
-/// Whether each circle lies where its neighbours expect it. `step`: distance of neighbours on the board.
+/// Whether each circle lies where its neighbours expect it and has the size of the others: one with something
+/// in front of it does not. `step`: distance of neighbours on the board.
 pub(super) fn consistent(placed: &[Placed], step: f64) -> Vec<bool> {
-    let centres: Vec<_> = placed.iter().map(|p| p.ellipse.centre).collect();
-    let agrees = |at: usize| {
-        let others = nearby(placed, &centres, at, step, false);
-        let Some(h) = homography(&others) else {
-            return others.len() < LEAST;
+    let mut kept = vec![true; placed.len()];
+    // What is wrong disturbs its neighbours: only the worst among neighbours go, then all is seen anew.
+    for _ in 0..MAX_ROUNDS {
+        let at: Vec<usize> = (0..placed.len()).filter(|&k| kept[k]).collect();
+        let there: Vec<Placed> = at.iter().map(|&k| placed[k]).collect();
+        let misfits = misfits(&there, step);
+        let worst = |k: usize| {
+            misfits[k] > 1.0
+                && there.iter().zip(&misfits).all(|(other, misfit)| {
+                    (other.board - there[k].board).norm() > REACH * step || *misfit <= misfits[k]
+                })
         };
-        let here = mapped(&h, Vector2::zeros());
-        let beside = mapped(&h, Vector2::new(step, 0.0)) - here;
-        let below = mapped(&h, Vector2::new(0.0, step)) - here;
-        (centres[at] - here).norm() < MOST_MISS * beside.norm().max(below.norm())
+        let dropped: Vec<usize> = (0..there.len()).filter(|&k| worst(k)).map(|k| at[k]).collect();
+        if dropped.is_empty() {
+            break;
+        }
+        dropped.into_iter().for_each(|k| kept[k] = false);
+    }
+    kept
+}
+
+/// How far each circle is from fitting in with the others, as a multiple of what is allowed.
+fn misfits(placed: &[Placed], step: f64) -> Vec<f64> {
+    let centres: Vec<_> = placed.iter().map(|p| p.ellipse.centre).collect();
+    let seen: Vec<Option<(f64, f64, f64)>> = (0..placed.len())
+        .map(|at| {
+            let h = homography(&nearby(placed, &centres, at, step, false))?;
+            let here = mapped(&h, Vector2::zeros());
+            let beside = mapped(&h, Vector2::new(step, 0.0)) - here;
+            let below = mapped(&h, Vector2::new(0.0, step)) - here;
+            let radius = (placed[at].ellipse.area() / plane_scale(&h)).sqrt();
+            Some(((centres[at] - here).norm(), beside.norm().min(below.norm()), radius))
+        })
+        .collect();
+    let usual_miss = median(seen.iter().flatten().map(|s| s.0));
+    let usual_radius = median(seen.iter().flatten().map(|s| s.2));
+    let usual_change = median(seen.iter().flatten().map(|s| (s.2 - usual_radius).abs()));
+    let misfit = |&(miss, pitch, radius): &(f64, f64, f64)| {
+        let allowed_miss = (USUAL * usual_miss).clamp(LEAST_MISS * pitch, MOST_MISS * pitch);
+        let allowed_change = (USUAL * usual_change).max(LEAST_CHANGE * usual_radius);
+        (miss / allowed_miss).max((radius - usual_radius).abs() / allowed_change)
     };
-    (0..placed.len()).map(agrees).collect()
+    seen.iter().map(|s| s.as_ref().map_or(0.0, misfit)).collect()
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Pixels² per unit² of the board around the origin.
+fn plane_scale(h: &Matrix3<f64>) -> f64 {
+    (h.determinant() / h[(2, 2)].powi(3)).abs()
 }
 
 /// Images of the circles' centres. `step`: distance of neighbours on the board.
@@ -48,9 +101,7 @@ pub(super) fn centres(placed: &[Placed], step: f64) -> Vec<Vector2<f64>> {
     for _ in 0..2 {
         let local: Vec<Option<Matrix3<f64>>> =
             (0..placed.len()).map(|at| homography(&nearby(placed, &centres, at, step, true))).collect();
-        let Some(radius) = radius(placed, &local) else {
-            return centres;
-        };
+        let radius = radius(placed, &local);
         for (at, h) in local.iter().enumerate() {
             if let Some(h) = h {
                 centres[at] = placed[at].ellipse.centre + shift(h, radius);
@@ -87,19 +138,12 @@ fn nearby(
 }
 
 /// Radius of the circles on the board, as the ellipses' areas show it.
-fn radius(placed: &[Placed], local: &[Option<Matrix3<f64>>]) -> Option<f64> {
-    let mut squares: Vec<f64> = placed
-        .iter()
-        .zip(local)
-        .filter_map(|(p, h)| {
-            let h = h.as_ref()?;
-            let scale = h.determinant() / h[(2, 2)].powi(3);
-            Some(p.ellipse.area() / (std::f64::consts::PI * scale.abs()))
-        })
-        .filter(|square| square.is_finite())
-        .collect();
-    let middle = squares.len() / 2;
-    (!squares.is_empty()).then(|| squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt())
+fn radius(placed: &[Placed], local: &[Option<Matrix3<f64>>]) -> f64 {
+    let squares = placed.iter().zip(local).filter_map(|(p, h)| {
+        let square = p.ellipse.area() / (std::f64::consts::PI * plane_scale(h.as_ref()?));
+        square.is_finite().then_some(square)
+    });
+    median(squares).sqrt()
 }
 
 /// Image of the centre of a circle at the origin minus the centre of its ellipse.

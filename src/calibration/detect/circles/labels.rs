@@ -151,10 +151,6 @@ fn other_size(cells: &Cells, target: &CirclesTarget) -> GridError {
             rows: target.rows(),
             columns: target.columns(),
         },
-        None => GridError::Incomplete {
-            unit: UNIT,
-            found: cells.len(),
-            expected: target.rows() * target.columns(),
-        },
+        None => GridError::Layout { unit: UNIT, found: cells.len() },
     }
 }
