@@ -1,14 +1,17 @@
 //! From a photo to the labelled points of the target, each with the paper's three estimates.
 
+mod april_grid;
 mod areas;
 mod circles;
 mod grid;
 mod lattice;
 mod localise;
+mod misfit;
 mod plane;
 mod quads;
 mod sharp;
 mod squares;
+mod tags;
 
 #[cfg(test)]
 mod hard_sample;
@@ -113,6 +116,7 @@ pub fn detect(image: &Grey, target: &Target) -> Result<Detection, DetectError> {
     check(image)?;
     match target {
         Target::Squares(target) => squares::detect(image, target),
+        Target::AprilGrid(target) => april_grid::detect(image, target),
         Target::Circles(target) => circles::detect(image, target),
     }
 }
@@ -127,6 +131,7 @@ pub fn count(image: &Grey, target: &Target) -> Result<(usize, usize), DetectErro
     check(image)?;
     match target {
         Target::Squares(target) => squares::count(image, target),
+        Target::AprilGrid(target) => april_grid::count(image, target),
         Target::Circles(target) => circles::count(image, target),
     }
 }

@@ -1,9 +1,14 @@
 //! The planar targets: which points of the board can be found in a photo, and what is printed on it.
 
+mod april_grid;
 mod circles;
+mod dictionary;
 mod squares;
 
+pub use april_grid::{AprilGridTarget, TagOrder, TagPrint};
 pub use circles::{CircleLayout, CirclesTarget};
+pub use dictionary::Dictionary;
+pub(super) use dictionary::quarter_turned;
 pub use squares::{Marker, SquaresTarget};
 
 use crate::camera::ImagePoint;
@@ -159,6 +164,22 @@ pub enum TargetError {
         /// That one's length.
         whole_metres: f64,
     },
+    /// More markers than the dictionary has.
+    #[error("the target needs the markers {first} to {last}, its dictionary ends at {end}")]
+    MarkersRunOut {
+        /// First marker.
+        first: usize,
+        /// Last marker.
+        last: usize,
+        /// Last of the dictionary.
+        end: usize,
+    },
+    /// A marker's border of no usual width.
+    #[error("the tags' border is {cells} cells wide, it must be 1 or 2")]
+    Border {
+        /// What was given.
+        cells: usize,
+    },
 }
 
 /// A target of any kind.
@@ -166,6 +187,8 @@ pub enum TargetError {
 pub enum Target {
     /// Separated black squares: the paper's.
     Squares(SquaresTarget),
+    /// AprilTags in rows and columns.
+    AprilGrid(AprilGridTarget),
     /// Black discs in rows and columns.
     Circles(CirclesTarget),
 }
@@ -176,6 +199,7 @@ impl Target {
     pub const fn unit(&self) -> &'static str {
         match self {
             Self::Squares(_) => "squares",
+            Self::AprilGrid(_) => "tags",
             Self::Circles(_) => "circles",
         }
     }
@@ -184,6 +208,7 @@ impl Target {
     pub const fn size(&self) -> (usize, usize) {
         match self {
             Self::Squares(t) => (t.rows(), t.columns()),
+            Self::AprilGrid(t) => (t.rows(), t.columns()),
             Self::Circles(t) => (t.rows(), t.columns()),
         }
     }
@@ -194,6 +219,7 @@ impl Target {
     pub fn resized(&self, rows: usize, columns: usize) -> Result<Self, TargetError> {
         Ok(match self {
             Self::Squares(t) => Self::Squares(t.resized(rows, columns)?),
+            Self::AprilGrid(t) => Self::AprilGrid(t.resized(rows, columns)?),
             Self::Circles(t) => Self::Circles(t.resized(rows, columns)?),
         })
     }
@@ -202,6 +228,7 @@ impl Target {
     pub fn points(&self) -> Vec<TargetPoint> {
         match self {
             Self::Squares(t) => t.points(),
+            Self::AprilGrid(t) => t.points(),
             Self::Circles(t) => t.points(),
         }
     }
@@ -210,6 +237,7 @@ impl Target {
     pub fn ink(&self) -> Vec<Ink> {
         match self {
             Self::Squares(t) => t.ink(),
+            Self::AprilGrid(t) => t.ink(),
             Self::Circles(t) => t.ink(),
         }
     }

@@ -43,6 +43,26 @@ pub enum GridError {
         /// On the target.
         expected: usize,
     },
+    /// Only one row of numbered things, so that their columns cannot be told.
+    #[error("the {unit} found do not show two rows")]
+    OneRow {
+        /// For example `tags`.
+        unit: &'static str,
+    },
+    /// Numbers in the wrong direction.
+    #[error("the tags are numbered from the {from} left, unlike declared")]
+    Order {
+        /// `upper` or `lower`.
+        from: &'static str,
+    },
+    /// Markers can be read in a mirror only.
+    #[error("{found} {unit} can be read in a mirror only: the photo is mirrored")]
+    Mirrored {
+        /// For example `tags`.
+        unit: &'static str,
+        /// How many.
+        found: usize,
+    },
     /// More than one grid that could be the target.
     #[error("more than one grid of {unit} in the photo")]
     Several {
