@@ -2,19 +2,21 @@
 
 mod april_grid;
 mod areas;
+mod chessboard;
 mod circles;
+mod crossings;
 mod grid;
 mod lattice;
 mod localise;
 mod misfit;
 mod plane;
 mod quads;
+mod saddle;
 mod sharp;
 mod squares;
+mod step;
+mod strays;
 mod tags;
-
-#[cfg(test)]
-mod hard_sample;
 
 pub use grid::GridError;
 pub use lattice::{LatticeError, MarkerSeen};
@@ -46,15 +48,17 @@ pub enum DetectError {
     /// The same for targets other than separated squares.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// Squares were found but their edges are not sharp enough.
+    /// The target was found but its edges are not sharp enough.
     #[error(
-        "the edges of only {located} of {squares} squares could be located: the photo is blurred or the squares are too small"
+        "only {located} of the {found} {what} found could be located exactly: the photo is blurred or the target is too small in it"
     )]
     Unsharp {
-        /// Squares with four located corners.
+        /// What is counted, for example `squares`.
+        what: &'static str,
+        /// Located exactly.
         located: usize,
-        /// Squares found.
-        squares: usize,
+        /// Found.
+        found: usize,
     },
 }
 
@@ -118,6 +122,7 @@ pub fn detect(image: &Grey, target: &Target) -> Result<Detection, DetectError> {
         Target::Squares(target) => squares::detect(image, target),
         Target::AprilGrid(target) => april_grid::detect(image, target),
         Target::Circles(target) => circles::detect(image, target),
+        Target::Chessboard(target) => chessboard::detect(image, target),
     }
 }
 
@@ -133,6 +138,7 @@ pub fn count(image: &Grey, target: &Target) -> Result<(usize, usize), DetectErro
         Target::Squares(target) => squares::count(image, target),
         Target::AprilGrid(target) => april_grid::count(image, target),
         Target::Circles(target) => circles::count(image, target),
+        Target::Chessboard(target) => chessboard::count(image, target),
     }
 }
 

@@ -1,4 +1,6 @@
-//! A grey image in memory and the few filters that finding squares needs.
+//! A grey image in memory and the few filters that finding targets needs.
+
+use nalgebra::Vector2;
 
 /// Why pixels are no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -70,6 +72,20 @@ impl Grey {
         let c = column.clamp(0, self.width as isize - 1) as usize;
         let r = row.clamp(0, self.height as isize - 1) as usize;
         self.values[r * self.width + c]
+    }
+
+    /// Bilinear between the four pixels around a point, the nearest ones for points outside.
+    pub(super) fn between(&self, p: Vector2<f64>) -> f32 {
+        let x = (p.x as f32).clamp(0.0, (self.width - 1) as f32);
+        let y = (p.y as f32).clamp(0.0, (self.height - 1) as f32);
+        let (c, r) = (x as usize, y as usize);
+        let (u, v) = (x - c as f32, y - r as f32);
+        let right = usize::from(c + 1 < self.width);
+        let down = if r + 1 < self.height { self.width } else { 0 };
+        let at = r * self.width + c;
+        let upper = self.values[at] * (1.0 - u) + self.values[at + right] * u;
+        let lower = self.values[at + down] * (1.0 - u) + self.values[at + down + right] * u;
+        upper * (1.0 - v) + lower * v
     }
 
     /// Mean of `factor` × `factor` blocks; what does not fill a block at the right and bottom is cut.

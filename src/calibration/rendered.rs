@@ -1,9 +1,9 @@
 //! Photos of targets drawn from a known camera and pose, for tests: area sampling, light, clutter, blur, noise.
 
-mod hard;
+pub(super) mod hard;
 mod print;
 
-pub(super) use hard::{HardView, hard_view};
+pub(super) use hard::hard_renders;
 
 use super::grey::Grey;
 use super::target::{BoardPoint, Observation, SquaresTarget, Target, TargetPoint};

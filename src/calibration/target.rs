@@ -1,11 +1,13 @@
 //! The planar targets: which points of the board can be found in a photo, and what is printed on it.
 
 mod april_grid;
+mod chessboard;
 mod circles;
 mod dictionary;
 mod squares;
 
 pub use april_grid::{AprilGridTarget, TagOrder, TagPrint};
+pub use chessboard::ChessboardTarget;
 pub use circles::{CircleLayout, CirclesTarget};
 pub use dictionary::Dictionary;
 pub(super) use dictionary::quarter_turned;
@@ -191,6 +193,8 @@ pub enum Target {
     AprilGrid(AprilGridTarget),
     /// Black discs in rows and columns.
     Circles(CirclesTarget),
+    /// A chessboard.
+    Chessboard(ChessboardTarget),
 }
 
 impl Target {
@@ -201,6 +205,7 @@ impl Target {
             Self::Squares(_) => "squares",
             Self::AprilGrid(_) => "tags",
             Self::Circles(_) => "circles",
+            Self::Chessboard(_) => "inner corners",
         }
     }
     /// Rows and columns of [`Self::unit`].
@@ -210,6 +215,7 @@ impl Target {
             Self::Squares(t) => (t.rows(), t.columns()),
             Self::AprilGrid(t) => (t.rows(), t.columns()),
             Self::Circles(t) => (t.rows(), t.columns()),
+            Self::Chessboard(t) => (t.rows(), t.columns()),
         }
     }
     /// The same target with other numbers of rows and columns.
@@ -221,6 +227,7 @@ impl Target {
             Self::Squares(t) => Self::Squares(t.resized(rows, columns)?),
             Self::AprilGrid(t) => Self::AprilGrid(t.resized(rows, columns)?),
             Self::Circles(t) => Self::Circles(t.resized(rows, columns)?),
+            Self::Chessboard(t) => Self::Chessboard(t.resized(rows, columns)?),
         })
     }
     /// All points that calibration uses, row by row.
@@ -230,6 +237,7 @@ impl Target {
             Self::Squares(t) => t.points(),
             Self::AprilGrid(t) => t.points(),
             Self::Circles(t) => t.points(),
+            Self::Chessboard(t) => t.points(),
         }
     }
     /// What is printed, in printing order: what comes later covers what came before.
@@ -239,6 +247,7 @@ impl Target {
             Self::Squares(t) => t.ink(),
             Self::AprilGrid(t) => t.ink(),
             Self::Circles(t) => t.ink(),
+            Self::Chessboard(t) => t.ink(),
         }
     }
 }
@@ -259,4 +268,4 @@ fn checked_length(what: &'static str, metres: f64) -> Result<(), TargetError> {
     if metres.is_finite() && metres > 0.0 { Ok(()) } else { Err(TargetError::Length { what, metres }) }
 }
 
-const STILL: BoardPoint = BoardPoint { x_m: 0.0, y_m: 0.0 };
+pub(super) const STILL: BoardPoint = BoardPoint { x_m: 0.0, y_m: 0.0 };

@@ -1,9 +1,10 @@
 //! AprilGrids: tags by their numbers, their four edges, corners where these intersect.
 
+use super::grid::other_size;
 use super::lattice::MarkerSeen;
 use super::sharp::sharp;
 use super::tags::{Found, Kind, Tag, agreeing, find_tags, vertical_step};
-use super::{DetectError, DetectedCorner, Detection, GridError, localise, misfit};
+use super::{DetectError, DetectedCorner, Detection, GridError, LatticeError, localise, misfit};
 use crate::calibration::grey::Grey;
 use crate::calibration::target::{AprilGridTarget, TagOrder};
 use crate::camera::ImagePoint;
@@ -30,11 +31,11 @@ pub(super) fn detect(image: &Grey, target: &AprilGridTarget) -> Result<Detection
     let expected = target.rows() * target.columns();
     let [first, others @ ..] = &groups[..] else {
         return Err(
-            GridError::Incomplete { unit: UNIT, found: found.tags.len().min(expected), expected }.into()
+            LatticeError::Incomplete { what: UNIT, found: found.tags.len().min(expected), expected }.into()
         );
     };
     if others.first().is_some_and(|other| 2 * other.len() > first.len()) {
-        return Err(GridError::Several { unit: UNIT }.into());
+        return Err(LatticeError::Several { targets: 2 }.into());
     }
     let tags: Vec<&Tag> = first.iter().map(|&at| &found.tags[at]).collect();
     locate(image, &search, factor, &tags, target)
@@ -63,35 +64,35 @@ fn board(target: &AprilGridTarget, row: usize, column: usize, corner: usize) -> 
     Vector2::new(p.x_m, p.y_m) / target.tag_m()
 }
 
-fn counted(found: &Found, target: &AprilGridTarget) -> Result<(usize, usize), GridError> {
+fn counted(found: &Found, target: &AprilGridTarget) -> Result<(usize, usize), DetectError> {
     if found.tags.is_empty() {
         return Err(match found.mirrored {
-            0 | 1 => GridError::NoGrid { unit: UNIT, found: found.quads },
-            mirrored => GridError::Mirrored { unit: UNIT, found: mirrored },
+            0 | 1 => LatticeError::NoLattice { what: UNIT, single: found.quads }.into(),
+            mirrored => GridError::Mirrored { what: UNIT, found: mirrored }.into(),
         });
     }
     let pitch = 1.0 + target.gap_m() / target.tag_m();
-    let step = vertical_step(&found.tags, pitch).ok_or(GridError::OneRow { unit: UNIT })?;
+    let step = vertical_step(&found.tags, pitch).ok_or(GridError::OneRow { what: UNIT })?;
     let columns = step.unsigned_abs() as usize;
     let last = found.tags.iter().map(|tag| tag.marker.saturating_sub(target.print().first)).max();
     Ok((last.unwrap_or(0) / columns.max(1) + 1, columns))
 }
 
 /// Whether the tags' numbers grow from row to row as declared.
-fn check_layout(found: &Found, target: &AprilGridTarget) -> Result<(), GridError> {
+fn check_layout(found: &Found, target: &AprilGridTarget) -> Result<(), DetectError> {
     let (found_rows, found_columns) = match counted(found, target) {
         // Tags of one row still have their numbers.
-        Err(GridError::OneRow { .. }) => return Ok(()),
+        Err(DetectError::Grid(GridError::OneRow { .. })) => return Ok(()),
         counted => counted?,
     };
     let (rows, columns) = (target.rows(), target.columns());
     if found_columns != columns || found_rows > rows {
-        return Err(GridError::Size { unit: UNIT, found_rows, found_columns, rows, columns });
+        return Err(other_size(UNIT, (found_rows, found_columns), (rows, columns)).into());
     }
     let pitch = 1.0 + target.gap_m() / target.tag_m();
     let downwards = vertical_step(&found.tags, pitch).is_some_and(|step| step > 0);
     if downwards != (target.print().order == TagOrder::FromUpperLeft) {
-        return Err(GridError::Order { from: if downwards { "upper" } else { "lower" } });
+        return Err(GridError::Order { from: if downwards { "upper" } else { "lower" } }.into());
     }
     Ok(())
 }
@@ -148,7 +149,7 @@ fn locate(
     corners.retain(|_| fits.next() == Some(true));
     let located = corners.len().div_ceil(4);
     if corners.len() < 6 {
-        return Err(GridError::Unsharp { unit: UNIT, located, found: tags.len() }.into());
+        return Err(DetectError::Unsharp { what: UNIT, located, found: tags.len() });
     }
     corners.sort_by_key(|c| (c.row, c.column, c.corner));
     let missing = (0..target.rows())

@@ -9,7 +9,7 @@ mod lattice;
 mod outline;
 
 use super::lattice::MarkerSeen;
-use super::{DetectError, DetectedCorner, Detection, GridError};
+use super::{DetectError, DetectedCorner, Detection, LatticeError};
 use crate::calibration::grey::Grey;
 use crate::calibration::target::{BoardPoint, CircleLayout, CirclesTarget};
 use crate::camera::ImagePoint;
@@ -56,20 +56,20 @@ pub(super) fn count(image: &Grey, target: &CirclesTarget) -> Result<(usize, usiz
     };
     count_dark(image)
         .or_else(|| count_dark(&image.negative()))
-        .ok_or(DetectError::Grid(GridError::NoGrid { unit: UNIT, found: 0 }))
+        .ok_or(DetectError::Lattice(LatticeError::NoLattice { what: UNIT, single: 0 }))
 }
 
 fn detect_dark(image: &Grey, target: &CirclesTarget) -> Result<Detection, DetectError> {
     let (search, factor) = searched(image);
     let smooth = search.smoothed();
-    let mut best: Result<Labels, GridError> = Err(GridError::NoGrid { unit: UNIT, found: 0 });
+    let mut best: Result<Labels, DetectError> = Err(LatticeError::NoLattice { what: UNIT, single: 0 }.into());
     for share in WINDOWS {
         let discs = discs_in(&smooth, share);
         let labels = label(&lattice::lattices(&discs), &discs, target);
         best = match (best, labels) {
             (Ok(best), Ok(next)) if next.len() <= best.labelled.len() => Ok(best),
             (_, Ok(labelled)) => Ok(Labels { discs, labelled }),
-            (Err(GridError::NoGrid { .. }), Err(next)) => Err(next),
+            (Err(DetectError::Lattice(LatticeError::NoLattice { .. })), Err(next)) => Err(next),
             (best, Err(_)) => best,
         };
         if best.as_ref().is_ok_and(|labels| labels.labelled.len() == target.rows() * target.columns()) {
@@ -93,13 +93,15 @@ fn discs_in(smooth: &Grey, share: f64) -> Vec<Disc> {
 }
 
 /// The one lattice that is the target.
-fn label(lattices: &[Cells], discs: &[Disc], target: &CirclesTarget) -> Result<Vec<Labelled>, GridError> {
+fn label(lattices: &[Cells], discs: &[Disc], target: &CirclesTarget) -> Result<Vec<Labelled>, DetectError> {
     let mut labels = lattices.iter().map(|cells| labels::label(cells, discs, target));
     let Some(first) = labels.next() else {
-        return Err(GridError::NoGrid { unit: UNIT, found: discs.len() });
+        return Err(LatticeError::NoLattice { what: UNIT, single: discs.len() }.into());
     };
     match (first, labels.find(Result::is_ok)) {
-        (Ok(_), Some(_)) => Err(GridError::Several { unit: UNIT }),
+        (Ok(_), Some(_)) => {
+            Err(LatticeError::Several { targets: 2 + labels.filter(Result::is_ok).count() }.into())
+        }
         (Err(_), Some(other)) => other,
         (first, _) => first,
     }
@@ -137,7 +139,7 @@ fn locate(
     let expected = target.rows() * target.columns();
     if 4 * kept.len() < 3 * expected {
         let (located, found) = (kept.len(), labels.labelled.len());
-        return Err(GridError::Unsharp { unit: UNIT, located, found }.into());
+        return Err(DetectError::Unsharp { what: UNIT, located, found });
     }
     let corners: Vec<DetectedCorner> = kept
         .iter()

@@ -12,6 +12,7 @@
 //! neighbouring edges, and a, b, c (offset, turn, bend by lens distortion), dark, light and the blur σ are
 //! estimated for every edge. A corner is where two neighbouring edges intersect.
 
+use super::step::normal;
 use crate::calibration::grey::Grey;
 use nalgebra::{Matrix6, Vector2, Vector6};
 
@@ -88,19 +89,6 @@ impl Edge {
         let gap = (next.point(t) - self.point(s)).norm();
         (gap < 1e-6).then(|| self.point(s))
     }
-}
-
-/// Normal distribution function and density (Abramowitz and Stegun 7.1.26; |error| < 1e-7).
-fn normal(z: f64) -> (f64, f64) {
-    let density = (-0.5 * z * z).exp() * 0.398_942_280_401_432_7;
-    let x = z.abs() * std::f64::consts::FRAC_1_SQRT_2;
-    let t = 1.0 / (1.0 + 0.327_591_1 * x);
-    let poly = t
-        * (0.254_829_592
-            + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    // erfc(x) = poly · exp(−x²), and the density holds exp(−x²).
-    let tail = 0.5 * poly * density * 2.506_628_274_631_000_5;
-    (if z >= 0.0 { 1.0 - tail } else { tail }, density)
 }
 
 /// A pixel near an edge.
@@ -324,13 +312,6 @@ fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_normal_distribution_matches_tables() {
-        for (z, p) in [(0.0, 0.5), (1.0, 0.841_344_746), (-1.96, 0.024_997_895), (3.0, 0.998_650_102)] {
-            assert!((normal(z).0 - p).abs() < 2e-7, "Φ({z}) = {}", normal(z).0);
-        }
-    }
 
     /// A dark square (any corners) blurred by a Gaussian, sampled at pixel centres with 6 × 6 samples.
     fn blurred(corners: [Vector2<f64>; 4], blur: f64, size: usize) -> Grey {

@@ -1,9 +1,12 @@
 //! Separated squares: threshold, quadrilaterals, lattice, three estimates of every corner.
 
-use super::lattice::{self, LatticeError};
+mod labels;
+
+use super::lattice::LatticeError;
 use super::localise;
 use super::quads::{Quad, find_quads};
 use super::sharp::sharp;
+use super::strays::without_strays;
 use super::{DetectError, DetectedCorner, Detection};
 use crate::calibration::grey::Grey;
 use crate::calibration::target::SquaresTarget;
@@ -22,11 +25,11 @@ const CONTRAST_SHARE: f32 = 0.06;
 pub(super) fn detect(image: &Grey, target: &SquaresTarget) -> Result<Detection, DetectError> {
     let (search, factor) = searched(image);
     let smooth = search.smoothed();
-    let mut best: Option<(Vec<Quad>, Result<lattice::Labels, LatticeError>)> = None;
+    let mut best: Option<(Vec<Quad>, Result<labels::Labels, LatticeError>)> = None;
     for share in WINDOWS {
         let quads = quads_in(&smooth, share);
-        let labels = lattice::label(&quads, target);
-        let rank = |labels: &Result<lattice::Labels, LatticeError>| match labels {
+        let labels = labels::label(&quads, target);
+        let rank = |labels: &Result<labels::Labels, LatticeError>| match labels {
             Ok(labels) => 2 + labels.squares.len(),
             Err(LatticeError::NoLattice { .. }) => 0,
             Err(_) => 1,
@@ -34,7 +37,7 @@ pub(super) fn detect(image: &Grey, target: &SquaresTarget) -> Result<Detection, 
         if best.as_ref().is_none_or(|(_, so_far)| rank(&labels) > rank(so_far)) {
             best = Some((quads, labels));
         }
-        let complete = |labels: &lattice::Labels| labels.squares.len() == target.used_squares();
+        let complete = |labels: &labels::Labels| labels.squares.len() == target.used_squares();
         if best.as_ref().is_some_and(|(_, labels)| labels.as_ref().is_ok_and(complete)) {
             break;
         }
@@ -46,7 +49,7 @@ pub(super) fn detect(image: &Grey, target: &SquaresTarget) -> Result<Detection, 
 /// Rows and columns of the lattice of squares; the window that shows most of it decides.
 pub(super) fn count(image: &Grey, target: &SquaresTarget) -> Result<(usize, usize), DetectError> {
     let smooth = searched(image).0.smoothed();
-    let counts = WINDOWS.map(|share| lattice::count(&quads_in(&smooth, share), target));
+    let counts = WINDOWS.map(|share| labels::count(&quads_in(&smooth, share), target));
     let most = |best: Result<(usize, usize), LatticeError>, next| match (&best, &next) {
         (Ok((r, c)), Ok((rows, columns))) if rows * columns <= r * c => best,
         (_, Ok(_)) => next,
@@ -75,7 +78,7 @@ fn locate(
     search: &Grey,
     factor: usize,
     quads: &[Quad],
-    labels: &lattice::Labels,
+    labels: &labels::Labels,
     target: &SquaresTarget,
 ) -> Result<Detection, DetectError> {
     // Pixel (0, 0) is a centre in both images.
@@ -113,10 +116,11 @@ fn locate(
             });
         }
     }
+    without_strays(&mut corners, 1);
     let located = corners.len() / 4;
     if 4 * located < 3 * target.used_squares() {
-        let squares = labels.squares.len();
-        return Err(DetectError::Unsharp { located, squares });
+        let found = labels.squares.len();
+        return Err(DetectError::Unsharp { what: "squares", located, found });
     }
     let mut missing = Vec::new();
     for row in 0..target.rows() {

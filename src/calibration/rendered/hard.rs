@@ -2,12 +2,15 @@
 
 use super::print::Print;
 use super::{BoardPose, Look, facing, photo, see};
+use crate::calibration::detect::{Detection, detect};
 use crate::calibration::grey::Grey;
-use crate::calibration::target::Target;
+use crate::calibration::target::{BoardPoint, Target};
 use crate::camera::{Brown, ImagePoint};
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// A camera, where it is, and how the photo comes out.
 #[derive(Debug, Clone, Copy)]
@@ -17,16 +20,59 @@ pub(in crate::calibration) struct HardView {
     pub look: Look,
 }
 
+/// What came of looking for a target in many hard views.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::calibration) struct Outcome {
+    /// Views in which it was found.
+    pub found: usize,
+    /// Seeds of views with a point more than 2 px from its truth.
+    pub wrong: Vec<u64>,
+    /// Root mean square distance of all points to their truth, px.
+    pub rms_px: f64,
+}
+
+/// Looks for a target in the views of many seeds.
+///
+/// - `turns`: quarter turns of the board that cannot be told apart; the best of them counts.
+pub(in crate::calibration) fn hard_renders(target: &Target, turns: &[usize], seeds: Range<u64>) -> Outcome {
+    let results: Vec<_> = seeds
+        .into_par_iter()
+        .filter_map(|seed| {
+            let view = hard_view(target, seed);
+            let detection = detect(&view.photo(target), target).ok()?;
+            let misses = turns.iter().map(|&turn| view.misses(target, &detection, turn));
+            let squares = |misses: &[f64]| misses.iter().map(|m| m * m).sum::<f64>();
+            let best = misses.min_by(|a, b| squares(a).total_cmp(&squares(b)))?;
+            Some((seed, squares(&best), best.len(), best.iter().any(|m| *m > 2.0)))
+        })
+        .collect();
+    let points: usize = results.iter().map(|r| r.2).sum();
+    Outcome {
+        found: results.len(),
+        wrong: results.iter().filter(|r| r.3).map(|r| r.0).collect(),
+        rms_px: (results.iter().map(|r| r.1).sum::<f64>() / points as f64).sqrt(),
+    }
+}
+
 impl HardView {
     pub(in crate::calibration) fn photo(&self, target: &Target) -> Grey {
         photo(&self.camera, &self.pose, target, self.look)
     }
-    /// Distance of a pixel from where a point of the target truly is, px.
-    pub(in crate::calibration) fn miss(
-        &self,
-        board: crate::calibration::BoardPoint,
-        pixel: ImagePoint,
-    ) -> f64 {
+    /// Distances of found points from where they truly are if the board was turned by quarters, px.
+    fn misses(&self, target: &Target, detection: &Detection, turn: usize) -> Vec<f64> {
+        let middle = Print::new(target, 0.0).point(0.5, 0.5);
+        let misses = detection.corners.iter().map(|corner| {
+            let (mut x, mut y) = (corner.board.x_m - middle.x_m, corner.board.y_m - middle.y_m);
+            for _ in 0..turn {
+                (x, y) = (-y, x);
+            }
+            let board = BoardPoint { x_m: x + middle.x_m, y_m: y + middle.y_m };
+            self.miss(board, corner.sharp)
+        });
+        misses.collect()
+    }
+    /// Distance of a pixel from where a point of the board truly is, px.
+    pub(in crate::calibration) fn miss(&self, board: BoardPoint, pixel: ImagePoint) -> f64 {
         let truth = see(&self.camera, &self.pose, board);
         f64::hypot(pixel.column - truth.column, pixel.row - truth.row)
     }

@@ -1,8 +1,7 @@
 //! Detection on drawn photos of AprilGrids.
 
-use super::super::hard_sample::{Sample, hard_sample};
 use super::*;
-use crate::calibration::rendered::{Look, facing, paper_camera, photo, see};
+use crate::calibration::rendered::{Look, facing, hard_renders, paper_camera, photo, see};
 use crate::calibration::target::{BoardPoint, Dictionary, TagPrint, Target};
 use crate::calibration::zhang::BoardPose;
 
@@ -69,7 +68,8 @@ fn a_part_of_the_board_is_enough() {
     let pose = posed(&target, 0.15, (0.06, 0.05), (15.0, -20.0, 10.0));
     let detection = detect(&drawn(&target, &pose, Look::PAPER), &target).unwrap();
     assert!((8..100).contains(&detection.corners.len()), "{}", detection.corners.len());
-    assert_eq!(detection.missing.len() + detection.corners.len().div_ceil(4), 36);
+    let missing = |c: &DetectedCorner| detection.missing.contains(&(c.row, c.column));
+    assert!(detection.missing.len() < 36 && !detection.corners.iter().any(missing));
     assert!(errors(&detection, &pose, &target).0 < 0.05);
 }
 
@@ -89,7 +89,7 @@ fn what_is_not_the_target_is_said() {
     let image = drawn(&target, &posed(&target, 0.4, (0.0, 0.0), (20.0, -15.0, 5.0)), Look::PAPER);
     let say = |image: &Grey, target: &AprilGridTarget| detect(image, target).unwrap_err().to_string();
     assert_eq!(say(&image, &kalibr(4, 6)), "found 4 × 5 tags of the declared 4 × 6");
-    assert_eq!(say(&image, &kalibr(3, 5)), "found 4 × 5 tags of the declared 3 × 5");
+    assert_eq!(say(&image, &kalibr(3, 5)), "found 4 × 5 tags, more than the declared 3 × 5");
     let downwards = TagPrint { order: TagOrder::FromUpperLeft, ..TagPrint::kalibr() };
     let downwards = AprilGridTarget::new(4, 5, 0.03, 0.009, downwards).unwrap();
     assert_eq!(say(&image, &downwards), "the tags are numbered from the lower left, unlike declared");
@@ -99,18 +99,14 @@ fn what_is_not_the_target_is_said() {
     assert_eq!(say(&mirrored, &target), "20 tags can be read in a mirror only: the photo is mirrored");
     let other = TagPrint { family: Dictionary::named("tag25h9").unwrap(), ..TagPrint::kalibr() };
     let other = AprilGridTarget::new(4, 5, 0.03, 0.009, other).unwrap();
-    assert!(say(&image, &other).starts_with("no grid of tags found"));
-}
-
-fn hard(target: AprilGridTarget, seeds: std::ops::Range<u64>) -> Sample {
-    hard_sample(&Target::AprilGrid(target), seeds, |_| true, |p| vec![p])
+    assert!(say(&image, &other).starts_with("no lattice of tags found"));
 }
 
 #[test]
 fn hard_views_are_found_and_never_labelled_wrongly() {
     for target in [kalibr(6, 6), plain(5, 7)] {
-        let sample = hard(target, 0..30);
-        assert!(sample.wrong.is_empty() && 100 * sample.found >= 97 * sample.views, "{sample:?}");
+        let outcome = hard_renders(&Target::AprilGrid(target), &[0], 0..30);
+        assert!(outcome.wrong.is_empty() && outcome.found >= 29, "{outcome:?}");
     }
 }
 
@@ -118,9 +114,9 @@ fn hard_views_are_found_and_never_labelled_wrongly() {
 #[ignore = "a thousand views per board: minutes"]
 fn a_thousand_hard_views() {
     for target in [kalibr(6, 6), plain(5, 7)] {
-        let sample = hard(target, 0..1000);
-        eprintln!("{sample:?}: {} px", sample.rms_px());
-        assert!(sample.wrong.is_empty() && 100 * sample.found >= 99 * sample.views, "{sample:?}");
+        let outcome = hard_renders(&Target::AprilGrid(target), &[0], 0..1000);
+        println!("{:?}: {outcome:?}", target.print());
+        assert!(outcome.wrong.is_empty() && outcome.found >= 990, "{outcome:?}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Which circle of the target a disc of the lattice is.
 
-use super::super::GridError;
+use super::super::grid::other_size as size_error;
+use super::super::{DetectError, GridError, LatticeError};
 use super::discs::Disc;
 use super::lattice::Cells;
 use crate::calibration::target::{CircleLayout, CirclesTarget};
@@ -114,7 +115,7 @@ pub(super) fn label(
     cells: &Cells,
     discs: &[Disc],
     target: &CirclesTarget,
-) -> Result<Vec<Labelled>, GridError> {
+) -> Result<Vec<Labelled>, DetectError> {
     let layout = target.layout();
     let declared = (target.rows(), target.columns());
     let upper_left = |labels: &[Labelled]| {
@@ -131,26 +132,20 @@ pub(super) fn label(
     };
     let expected = declared.0 * declared.1;
     if (labels.len() as f64) < REQUIRED_SHARE * expected as f64 {
-        return Err(GridError::Incomplete { unit: UNIT, found: labels.len(), expected });
+        return Err(LatticeError::Incomplete { what: UNIT, found: labels.len(), expected }.into());
     }
     Ok(labels)
 }
 
 /// What was found, the way round that the target is declared.
-fn other_size(cells: &Cells, target: &CirclesTarget) -> GridError {
+fn other_size(cells: &Cells, target: &CirclesTarget) -> DetectError {
     let layout = target.layout();
     let upright = |&(rows, columns): &(usize, usize)| {
         (rows.cmp(&columns) == target.rows().cmp(&target.columns()), rows.min(columns))
     };
     let seen = Sheet::of(cells, layout).turns().filter_map(|sheet| sheet.size(layout)).max_by_key(upright);
     match seen {
-        Some((found_rows, found_columns)) => GridError::Size {
-            unit: UNIT,
-            found_rows,
-            found_columns,
-            rows: target.rows(),
-            columns: target.columns(),
-        },
-        None => GridError::Layout { unit: UNIT, found: cells.len() },
+        Some(found) => size_error(UNIT, found, (target.rows(), target.columns())).into(),
+        None => GridError::Layout { what: UNIT, found: cells.len() }.into(),
     }
 }

@@ -1,0 +1,201 @@
+//! Places where two edges cross and dark and light change places: candidates for inner corners.
+//!
+//! Around a crossing brightness is a saddle, so det(Hessian) is strongly negative; on edges it is zero. The
+//! strongest saddles are looked at on a ring around them: it must cross exactly four edges, two by two opposite.
+
+use crate::calibration::grey::Grey;
+use nalgebra::{Matrix2, Vector2};
+
+/// Most saddles looked at, the strongest first: bounds the work on photos full of clutter.
+const MAX_PEAKS: usize = 4000;
+/// Distance of the pixels that second differences are taken over: averages noise, sees squares of 6 px.
+const STEP: usize = 2;
+/// Pixels along the frame where no crossing is looked for.
+pub(super) const FRAME_PX: usize = 4;
+/// Radius of the ring, px: between the blur and the next crossing.
+const RING_PX: f64 = 4.0;
+const RING_SAMPLES: usize = 32;
+/// Light minus dark on the ring as a share of the photo's brightness range.
+const CONTRAST_SHARE: f32 = 0.04;
+
+/// A crossing of two edges.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Crossing {
+    /// The pixel of the strongest response.
+    pub peak: Vector2<f64>,
+    /// Where the saddle is level.
+    pub saddle: Vector2<f64>,
+    /// Unit vectors along the four edges that leave it, clockwise as seen; dark between the first and the second.
+    pub arms: [Vector2<f64>; 4],
+    /// Light minus dark.
+    pub contrast: f32,
+}
+
+/// All crossings in a smoothed photo, the strongest first.
+pub(super) fn find(smooth: &Grey) -> Vec<Crossing> {
+    let least = CONTRAST_SHARE * smooth.range();
+    let crossings = peaks(smooth).into_iter().filter_map(|(column, row)| {
+        let peak = Vector2::new(column as f64, row as f64);
+        settled(smooth, peak, 1).and_then(|saddle| ring(smooth, peak, saddle, least))
+    });
+    crossings.collect()
+}
+
+/// The crossing near a place where one is expected, within `reach` px.
+pub(super) fn near(smooth: &Grey, place: Vector2<f64>, reach: f64, least_contrast: f32) -> Option<Crossing> {
+    let mut best: Option<(f32, Vector2<f64>)> = None;
+    let size = reach.ceil() as isize;
+    let (column, row) = (place.x.round() as isize, place.y.round() as isize);
+    for r in row - size..=row + size {
+        for c in column - size..=column + size {
+            if !is_inside(smooth, c, r) {
+                continue;
+            }
+            let pixel = Vector2::new(c as f64, r as f64);
+            let strength = -hessian(smooth, c, r).determinant() as f32;
+            if (pixel - place).norm() <= reach && best.is_none_or(|(most, _)| strength > most) {
+                best = Some((strength, pixel));
+            }
+        }
+    }
+    let (_, peak) = best.filter(|&(strength, _)| strength > 0.0)?;
+    ring(smooth, peak, settled(smooth, peak, 2)?, least_contrast)
+}
+
+fn is_inside(image: &Grey, column: isize, row: isize) -> bool {
+    let frame = FRAME_PX as isize;
+    column >= frame
+        && row >= frame
+        && column < image.width() as isize - frame
+        && row < image.height() as isize - frame
+}
+
+fn hessian(image: &Grey, column: isize, row: isize) -> Matrix2<f64> {
+    let s = STEP as isize;
+    let at = |c: isize, r: isize| f64::from(image.at(column + c, row + r));
+    let xx = at(s, 0) - 2.0 * at(0, 0) + at(-s, 0);
+    let yy = at(0, s) - 2.0 * at(0, 0) + at(0, -s);
+    let xy = 0.25 * (at(s, s) - at(-s, s) - at(s, -s) + at(-s, -s));
+    Matrix2::new(xx, xy, xy, yy)
+}
+
+/// −det(Hessian) of one row of pixels, zero at both ends.
+fn responses(image: &Grey, row: usize, out: &mut [f32]) {
+    let w = image.width();
+    let line = |r: usize| &image.values()[r * w..(r + 1) * w];
+    let (up, here, down) = (line(row - STEP), line(row), line(row + STEP));
+    let count = w - 2 * STEP;
+    let (u0, u1, u2) = (&up[..count], &up[STEP..STEP + count], &up[2 * STEP..]);
+    let (h0, h1, h2) = (&here[..count], &here[STEP..STEP + count], &here[2 * STEP..]);
+    let (d0, d1, d2) = (&down[..count], &down[STEP..STEP + count], &down[2 * STEP..]);
+    for (i, value) in out[STEP..STEP + count].iter_mut().enumerate() {
+        let twice = 2.0 * h1[i];
+        let xx = h0[i] - twice + h2[i];
+        let yy = u1[i] - twice + d1[i];
+        let xy = 0.25 * (d2[i] - d0[i] - u2[i] + u0[i]);
+        *value = xy * xy - xx * yy;
+    }
+}
+
+/// Pixels (column, row) whose response is the largest within 2 px, the strongest first.
+fn peaks(image: &Grey) -> Vec<(usize, usize)> {
+    const REACH: usize = 2;
+    let (w, h) = (image.width(), image.height());
+    if w.min(h) <= 2 * FRAME_PX + 1 {
+        return vec![];
+    }
+    let mut response = vec![0.0_f32; w * h];
+    for (row, line) in response.chunks_exact_mut(w).enumerate().take(h - STEP).skip(STEP) {
+        responses(image, row, line);
+    }
+    let floor = (0.15 * CONTRAST_SHARE * image.range()).powi(2);
+    let mut peaks = Vec::new();
+    for row in FRAME_PX..h - FRAME_PX {
+        let line = &response[row * w..(row + 1) * w];
+        for column in FRAME_PX..w - FRAME_PX {
+            let value = line[column];
+            if value <= floor || value < line[column - 1] || value < line[column + 1] {
+                continue;
+            }
+            let is_peak = (row - REACH..=row + REACH).all(|r| {
+                let window = &response[r * w + column - REACH..=r * w + column + REACH];
+                // Of equal neighbours the first in reading order is the peak.
+                window.iter().enumerate().all(|(i, other)| {
+                    let earlier = (r, i) < (row, REACH);
+                    *other < value || *other == value && !earlier
+                })
+            });
+            if is_peak {
+                peaks.push((value, column, row));
+            }
+        }
+    }
+    peaks.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
+    peaks.truncate(MAX_PEAKS);
+    peaks.into_iter().map(|(_, column, row)| (column, row)).collect()
+}
+
+/// Where the saddle through a pixel is level, by Newton's method.
+fn settled(image: &Grey, peak: Vector2<f64>, rounds: usize) -> Option<Vector2<f64>> {
+    let mut place = peak;
+    for _ in 0..rounds {
+        let (c, r) = (place.x.round() as isize, place.y.round() as isize);
+        if !is_inside(image, c, r) {
+            return None;
+        }
+        let s = STEP as isize;
+        let slope = |dc: isize, dr: isize| f64::from(image.at(c + dc, r + dr) - image.at(c - dc, r - dr));
+        // Second differences over the step, first differences over twice the step.
+        let gradient = 0.5 * STEP as f64 * Vector2::new(slope(s, 0), slope(0, s));
+        let step = hessian(image, c, r).try_inverse()? * gradient;
+        place = Vector2::new(c as f64, r as f64) - step;
+    }
+    ((place - peak).norm() < 2.5).then_some(place)
+}
+
+/// Follows the ring around a saddle: the four edges it crosses.
+fn ring(image: &Grey, peak: Vector2<f64>, saddle: Vector2<f64>, least_contrast: f32) -> Option<Crossing> {
+    const TURN: f64 = std::f64::consts::TAU / RING_SAMPLES as f64;
+    const HALF: usize = RING_SAMPLES / 2;
+    let raw: [f32; RING_SAMPLES] = std::array::from_fn(|i| {
+        let (sin, cos) = (i as f64 * TURN).sin_cos();
+        image.between(saddle + RING_PX * Vector2::new(cos, sin))
+    });
+    let values: [f32; RING_SAMPLES] = std::array::from_fn(|i| {
+        0.25 * (raw[(i + RING_SAMPLES - 1) % RING_SAMPLES] + 2.0 * raw[i] + raw[(i + 1) % RING_SAMPLES])
+    });
+    let (low, high) =
+        values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)));
+    let contrast = high - low;
+    if contrast < least_contrast || contrast <= 0.0 {
+        return None;
+    }
+    let middle = 0.5 * (low + high);
+    let light: [bool; RING_SAMPLES] = std::array::from_fn(|i| values[i] > middle);
+    let (mut edges, mut count) = ([(0.0, false); 4], 0);
+    for i in 0..RING_SAMPLES {
+        let next = (i + 1) % RING_SAMPLES;
+        if light[i] == light[next] {
+            continue;
+        }
+        if count == 4 {
+            return None;
+        }
+        let share = f64::from((middle - values[i]) / (values[next] - values[i]));
+        edges[count] = ((i as f64 + share) * TURN, light[i]);
+        count += 1;
+    }
+    let alike = (0..HALF).filter(|&i| light[i] == light[i + HALF]).count();
+    if count != 4 || alike + 3 < HALF {
+        return None;
+    }
+    // Clockwise, the first edge is the one after which it is dark.
+    if !edges[0].1 {
+        edges.rotate_left(1);
+    }
+    let arms = edges.map(|(angle, _)| Vector2::new(angle.cos(), angle.sin()));
+    // Opposite arms are one edge, bent by 30° at most; neighbours are 20° or more apart.
+    let straight = (0..2).all(|k| arms[k].dot(&arms[k + 2]) < -0.86);
+    let apart = (0..4).all(|k| arms[k].perp(&arms[(k + 1) % 4]) > 0.34);
+    (straight && apart).then_some(Crossing { peak, saddle, arms, contrast })
+}
