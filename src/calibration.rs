@@ -28,7 +28,8 @@ pub use grey::{Grey, GreyError};
 pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
 pub use solve::{CalibrationError, Lens, LensModel, calibrate};
 pub use target::{
-    AprilGridTarget, Board, BoardPoint, ChessboardTarget, CircleLayout, CirclesTarget, Dictionary, Ink,
-    Marker, Observation, Shape, SquaresTarget, TagOrder, TagPrint, Target, TargetError, TargetPoint,
+    AprilGridTarget, Board, BoardPoint, CharucoTarget, ChessboardTarget, CircleLayout, CirclesTarget,
+    Dictionary, Ink, Marker, Observation, Shape, SquaresTarget, TagOrder, TagPrint, Target, TargetError,
+    TargetPoint,
 };
 pub use zhang::{ClosedForm, StartError};

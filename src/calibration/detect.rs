@@ -2,6 +2,7 @@
 
 mod april_grid;
 mod areas;
+mod charuco;
 mod chessboard;
 mod circles;
 mod crossings;
@@ -121,6 +122,7 @@ pub fn detect(image: &Grey, target: &Target) -> Result<Detection, DetectError> {
     match target {
         Target::Squares(target) => squares::detect(image, target),
         Target::AprilGrid(target) => april_grid::detect(image, target),
+        Target::Charuco(target) => charuco::detect(image, target),
         Target::Circles(target) => circles::detect(image, target),
         Target::Chessboard(target) => chessboard::detect(image, target),
     }
@@ -137,6 +139,7 @@ pub fn count(image: &Grey, target: &Target) -> Result<(usize, usize), DetectErro
     match target {
         Target::Squares(target) => squares::count(image, target),
         Target::AprilGrid(target) => april_grid::count(image, target),
+        Target::Charuco(target) => charuco::count(image, target),
         Target::Circles(target) => circles::count(image, target),
         Target::Chessboard(target) => chessboard::count(image, target),
     }

@@ -1,12 +1,14 @@
 //! The planar targets: which points of the board can be found in a photo, and what is printed on it.
 
 mod april_grid;
+mod charuco;
 mod chessboard;
 mod circles;
 mod dictionary;
 mod squares;
 
 pub use april_grid::{AprilGridTarget, TagOrder, TagPrint};
+pub use charuco::CharucoTarget;
 pub use chessboard::ChessboardTarget;
 pub use circles::{CircleLayout, CirclesTarget};
 pub use dictionary::Dictionary;
@@ -193,6 +195,8 @@ pub enum Target {
     AprilGrid(AprilGridTarget),
     /// Black discs in rows and columns.
     Circles(CirclesTarget),
+    /// A chessboard with a marker in every white square.
+    Charuco(CharucoTarget),
     /// A chessboard.
     Chessboard(ChessboardTarget),
 }
@@ -202,7 +206,7 @@ impl Target {
     #[must_use]
     pub const fn unit(&self) -> &'static str {
         match self {
-            Self::Squares(_) => "squares",
+            Self::Squares(_) | Self::Charuco(_) => "squares",
             Self::AprilGrid(_) => "tags",
             Self::Circles(_) => "circles",
             Self::Chessboard(_) => "inner corners",
@@ -215,6 +219,7 @@ impl Target {
             Self::Squares(t) => (t.rows(), t.columns()),
             Self::AprilGrid(t) => (t.rows(), t.columns()),
             Self::Circles(t) => (t.rows(), t.columns()),
+            Self::Charuco(t) => (t.rows(), t.columns()),
             Self::Chessboard(t) => (t.rows(), t.columns()),
         }
     }
@@ -227,6 +232,7 @@ impl Target {
             Self::Squares(t) => Self::Squares(t.resized(rows, columns)?),
             Self::AprilGrid(t) => Self::AprilGrid(t.resized(rows, columns)?),
             Self::Circles(t) => Self::Circles(t.resized(rows, columns)?),
+            Self::Charuco(t) => Self::Charuco(t.resized(rows, columns)?),
             Self::Chessboard(t) => Self::Chessboard(t.resized(rows, columns)?),
         })
     }
@@ -237,6 +243,7 @@ impl Target {
             Self::Squares(t) => t.points(),
             Self::AprilGrid(t) => t.points(),
             Self::Circles(t) => t.points(),
+            Self::Charuco(t) => t.points(),
             Self::Chessboard(t) => t.points(),
         }
     }
@@ -247,6 +254,7 @@ impl Target {
             Self::Squares(t) => t.ink(),
             Self::AprilGrid(t) => t.ink(),
             Self::Circles(t) => t.ink(),
+            Self::Charuco(t) => t.ink(),
             Self::Chessboard(t) => t.ink(),
         }
     }
