@@ -42,7 +42,9 @@ mod simulated;
 pub use advice::{Advice, FramePart, NearEdge, NextPhoto, advice, next_photo};
 pub use board::{Bend, BoardShape, Measured};
 pub use compare::{Candidate, Comparison, Judgement, compare};
-pub use detect::{DetectError, DetectedCorner, Detection, LatticeError, MarkerSeen, count, detect};
+pub use detect::{
+    DetectError, DetectedCorner, Detection, GridError, LatticeError, MarkerSeen, count, detect,
+};
 pub use error::CalibrationError;
 pub use grey::{Grey, GreyError};
 pub use model::LensModel;
@@ -52,7 +54,9 @@ pub use quality::{PhotoFault, PhotoQuality, photo_faults, photo_quality};
 pub use solve::{Options, OutlierPolicy, calibrate, calibrate_with};
 pub use start::StartError;
 pub use target::{
-    Board, BoardPoint, ChessboardTarget, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError, TargetPoint,
+    AprilGridTarget, Board, BoardPoint, CharucoTarget, ChessboardTarget, CircleLayout, CirclesTarget,
+    Dictionary, Ink, Marker, Observation, Shape, SquaresTarget, TagOrder, TagPrint, Target, TargetError,
+    TargetPoint,
 };
 pub use uncertainty::{ProjectionSpread, UncertaintyMap, UncertaintyNode, projection_uncertainty};
 pub use zhang::ClosedForm;

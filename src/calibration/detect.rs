@@ -1,16 +1,25 @@
 //! From a photo to the labelled points of the target, each with the paper's three estimates.
 
+mod april_grid;
+mod areas;
+mod charuco;
 mod chessboard;
+mod circles;
 mod crossings;
+mod grid;
 mod lattice;
 mod localise;
+mod misfit;
+mod plane;
 mod quads;
 mod saddle;
 mod sharp;
 mod squares;
 mod step;
 mod strays;
+mod tags;
 
+pub use grid::GridError;
 pub use lattice::{LatticeError, MarkerSeen};
 
 use super::grey::Grey;
@@ -37,6 +46,9 @@ pub enum DetectError {
     /// What was found does not make up the target.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
+    /// The same for targets other than separated squares.
+    #[error(transparent)]
+    Grid(#[from] GridError),
     /// The target was found but its edges are not sharp enough.
     #[error(
         "only {located} of the {found} {what} found could be located exactly: the photo is blurred or the target is too small in it"
@@ -109,6 +121,9 @@ pub fn detect(image: &Grey, target: &Target) -> Result<Detection, DetectError> {
     check(image)?;
     match target {
         Target::Squares(target) => squares::detect(image, target),
+        Target::AprilGrid(target) => april_grid::detect(image, target),
+        Target::Charuco(target) => charuco::detect(image, target),
+        Target::Circles(target) => circles::detect(image, target),
         Target::Chessboard(target) => chessboard::detect(image, target),
     }
 }
@@ -123,6 +138,9 @@ pub fn count(image: &Grey, target: &Target) -> Result<(usize, usize), DetectErro
     check(image)?;
     match target {
         Target::Squares(target) => squares::count(image, target),
+        Target::AprilGrid(target) => april_grid::count(image, target),
+        Target::Charuco(target) => charuco::count(image, target),
+        Target::Circles(target) => circles::count(image, target),
         Target::Chessboard(target) => chessboard::count(image, target),
     }
 }

@@ -105,6 +105,11 @@ impl Grey {
         Self { width, height, values }
     }
 
+    /// Dark for light.
+    pub(super) fn negative(&self) -> Self {
+        Self { width: self.width, height: self.height, values: self.values.iter().map(|v| -v).collect() }
+    }
+
     /// Binomial 3 × 3 smoothing (1 2 1), edges repeated.
     pub(super) fn smoothed(&self) -> Self {
         let (w, h) = (self.width, self.height);

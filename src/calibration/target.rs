@@ -1,9 +1,18 @@
 //! The planar targets: which points of the board can be found in a photo, and what is printed on it.
 
+mod april_grid;
+mod charuco;
 mod chessboard;
+mod circles;
+mod dictionary;
 mod squares;
 
+pub use april_grid::{AprilGridTarget, TagOrder, TagPrint};
+pub use charuco::CharucoTarget;
 pub use chessboard::ChessboardTarget;
+pub use circles::{CircleLayout, CirclesTarget};
+pub use dictionary::Dictionary;
+pub(super) use dictionary::quarter_turned;
 pub use squares::{Marker, SquaresTarget};
 
 use crate::camera::ImagePoint;
@@ -147,6 +156,34 @@ pub enum TargetError {
         /// What was given.
         metres: f64,
     },
+    /// Two lengths that do not go together.
+    #[error("the target's {what} ({metres} m) must be smaller than its {whole} ({whole_metres} m)")]
+    TooLong {
+        /// The part.
+        what: &'static str,
+        /// Its length.
+        metres: f64,
+        /// What it must fit into.
+        whole: &'static str,
+        /// That one's length.
+        whole_metres: f64,
+    },
+    /// More markers than the dictionary has.
+    #[error("the target needs the markers {first} to {last}, its dictionary ends at {end}")]
+    MarkersRunOut {
+        /// First marker.
+        first: usize,
+        /// Last marker.
+        last: usize,
+        /// Last of the dictionary.
+        end: usize,
+    },
+    /// A marker's border of no usual width.
+    #[error("the tags' border is {cells} cells wide, it must be 1 or 2")]
+    Border {
+        /// What was given.
+        cells: usize,
+    },
 }
 
 /// A target of any kind.
@@ -154,6 +191,12 @@ pub enum TargetError {
 pub enum Target {
     /// Separated black squares: the paper's.
     Squares(SquaresTarget),
+    /// AprilTags in rows and columns.
+    AprilGrid(AprilGridTarget),
+    /// Black discs in rows and columns.
+    Circles(CirclesTarget),
+    /// A chessboard with a marker in every white square.
+    Charuco(CharucoTarget),
     /// A chessboard.
     Chessboard(ChessboardTarget),
 }
@@ -163,7 +206,9 @@ impl Target {
     #[must_use]
     pub const fn unit(&self) -> &'static str {
         match self {
-            Self::Squares(_) => "squares",
+            Self::Squares(_) | Self::Charuco(_) => "squares",
+            Self::AprilGrid(_) => "tags",
+            Self::Circles(_) => "circles",
             Self::Chessboard(_) => "inner corners",
         }
     }
@@ -172,6 +217,9 @@ impl Target {
     pub const fn size(&self) -> (usize, usize) {
         match self {
             Self::Squares(t) => (t.rows(), t.columns()),
+            Self::AprilGrid(t) => (t.rows(), t.columns()),
+            Self::Circles(t) => (t.rows(), t.columns()),
+            Self::Charuco(t) => (t.rows(), t.columns()),
             Self::Chessboard(t) => (t.rows(), t.columns()),
         }
     }
@@ -182,6 +230,9 @@ impl Target {
     pub fn resized(&self, rows: usize, columns: usize) -> Result<Self, TargetError> {
         Ok(match self {
             Self::Squares(t) => Self::Squares(t.resized(rows, columns)?),
+            Self::AprilGrid(t) => Self::AprilGrid(t.resized(rows, columns)?),
+            Self::Circles(t) => Self::Circles(t.resized(rows, columns)?),
+            Self::Charuco(t) => Self::Charuco(t.resized(rows, columns)?),
             Self::Chessboard(t) => Self::Chessboard(t.resized(rows, columns)?),
         })
     }
@@ -190,6 +241,9 @@ impl Target {
     pub fn points(&self) -> Vec<TargetPoint> {
         match self {
             Self::Squares(t) => t.points(),
+            Self::AprilGrid(t) => t.points(),
+            Self::Circles(t) => t.points(),
+            Self::Charuco(t) => t.points(),
             Self::Chessboard(t) => t.points(),
         }
     }
@@ -198,6 +252,9 @@ impl Target {
     pub fn ink(&self) -> Vec<Ink> {
         match self {
             Self::Squares(t) => t.ink(),
+            Self::AprilGrid(t) => t.ink(),
+            Self::Circles(t) => t.ink(),
+            Self::Charuco(t) => t.ink(),
             Self::Chessboard(t) => t.ink(),
         }
     }

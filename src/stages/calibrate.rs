@@ -17,7 +17,9 @@ use crate::camera::{Camera, ImagePoint, Invertibility};
 use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};
 use crate::config::{Config, Located};
 use crate::formats::InputError;
-use crate::formats::camera::{camera_json, camera_opencv_yaml, read_camera};
+use crate::formats::camera::{
+    Exported, camera_json, camera_opencv_yaml, camera_opensfm_json, camera_ros_yaml, read_camera,
+};
 use crate::formats::corners::read_pairs;
 use crate::report::calibration::ChoiceNumbers;
 use model::{Fitted, fit};
@@ -169,6 +171,26 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
         context.write_product(NUMBERS_FILE, &text)?;
     }
     Ok(made)
+}
+
+/// The camera as other programs read it; what a format cannot hold is said.
+fn write_exports(config: &Config, camera: &Camera, context: &RunContext) -> Result<(), StageError> {
+    let name = config.source.name.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut write = |file: &str, exported: Exported| {
+        for loss in &exported.losses {
+            tracing::info!("{file}: {loss}");
+        }
+        context.write_product(file, exported.text.as_bytes())
+    };
+    write("camera-opencv.yaml", camera_opencv_yaml(camera))?;
+    write("camera-ros.yaml", camera_ros_yaml(camera, &name))?;
+    match camera_opensfm_json(camera, &name) {
+        Ok(exported) => write("cameras.json", exported).map(|_| ()),
+        Err(error) => {
+            tracing::info!("no cameras.json for ODM: {error}");
+            Ok(())
+        }
+    }
 }
 
 impl Calibrated {

@@ -143,7 +143,7 @@ fn trace(dark: &[bool], width: usize, start: usize, limit: usize) -> Option<Vec<
 }
 
 /// Four straight sides of an outline and where neighbours intersect, or `None` if it is no quadrilateral.
-fn four_sides(outline: &[Vector2<f64>]) -> Option<[Vector2<f64>; 4]> {
+pub(super) fn four_sides(outline: &[Vector2<f64>]) -> Option<[Vector2<f64>; 4]> {
     let n = outline.len();
     let farthest = |distance: &dyn Fn(&Vector2<f64>) -> f64| {
         let mut best = (0, f64::NEG_INFINITY);
