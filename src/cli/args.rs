@@ -231,7 +231,7 @@ pub struct TargetArguments {
     /// Side of a tag, its black border included (aprilgrid).
     #[arg(long, value_name = "LENGTH")]
     pub tag: Option<Length>,
-    /// Dictionary of the markers, for example "4x4_50" (charuco) or "apriltag_36h11" (aprilgrid, its default).
+    /// Dictionary of the markers, for example "DICT_4X4_50" (charuco) or "tag36h11" (aprilgrid, its default).
     #[arg(long, value_name = "NAME")]
     pub dictionary: Option<String>,
     /// Number of the first marker (charuco, aprilgrid). Default 0.

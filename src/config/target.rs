@@ -18,7 +18,8 @@ pub enum TargetKind {
     /// A chessboard with ArUco markers in its white squares, counted by squares. Takes `square`, `marker`,
     /// `dictionary`, `first_marker`, `legacy`.
     Charuco,
-    /// AprilTags in rows and columns, as Kalibr prints them. Takes `tag`, `gap`, `dictionary`, `first_marker`, `joints`.
+    /// AprilTags in rows and columns, as Kalibr prints them. Takes `tag`, `gap`, `dictionary`, `first_marker`, `first_tag`,
+    /// `border_cells`, `joints`.
     Aprilgrid,
     /// Black discs in rows and columns. Takes `spacing`, `diameter`.
     Circles,
@@ -45,7 +46,7 @@ impl TargetKind {
             Self::Squares => (&["square", "gap", "hollow"], &[]),
             Self::Chessboard => (&["square"], &[]),
             Self::Charuco => (&["square", "marker", "dictionary"], &["first_marker", "legacy"]),
-            Self::Aprilgrid => (&["tag", "gap"], &["dictionary", "first_marker", "joints"]),
+            Self::Aprilgrid => (&["tag", "gap"], &["dictionary", "first_marker", "first_tag", "border_cells", "joints"]),
             Self::Circles | Self::AsymmetricCircles => (&["spacing", "diameter"], &[]),
         }
     }
@@ -69,6 +70,16 @@ pub enum HollowSquare {
     UpperLeft,
     /// All squares are filled: the target's orientation is then ambiguous by half a turn (or a quarter, when square).
     None,
+}
+
+/// Where the first of an aprilgrid's tags is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FirstTag {
+    /// As Kalibr prints them.
+    LowerLeft,
+    /// As text is read.
+    UpperLeft,
 }
 
 /// `[calibrate.target]`: the target in the photos.
@@ -99,8 +110,8 @@ pub struct TargetSpec {
     /// Side of an AprilTag, its black border included.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tag: Option<Located<Length>>,
-    /// Dictionary of the markers, as OpenCV names it: "4x4_50" to "7x7_1000", "aruco_original", "apriltag_36h11" and
-    /// so on. An aprilgrid's default is "apriltag_36h11".
+    /// Dictionary of the markers: OpenCV's name, "DICT_4X4_50" and so on, or an AprilTag family, "tag36h11", which is an
+    /// aprilgrid's default. (OpenCV draws AprilTags turned by half: its "DICT_APRILTAG_36h11" is not "tag36h11".)
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dictionary: Option<Located<String>>,
     /// Number of the first marker. Default 0.
@@ -110,6 +121,12 @@ pub struct TargetSpec {
     /// Default false.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub legacy: Option<Located<bool>>,
+    /// Where an aprilgrid's first tag is; the others follow to the right, then row by row. Default "lower_left".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_tag: Option<Located<FirstTag>>,
+    /// Cells of black around an aprilgrid's tags: 2 as Kalibr prints them (default), 1 as AprilTag does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub border_cells: Option<Located<u32>>,
     /// Whether small black squares join the corners of an aprilgrid's tags, as Kalibr prints them. Default true.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joints: Option<Located<bool>>,
@@ -135,6 +152,8 @@ impl TargetSpec {
             tag: None,
             dictionary: None,
             first_marker: None,
+            first_tag: None,
+            border_cells: None,
             legacy: None,
             joints: None,
             spacing: None,
@@ -143,7 +162,7 @@ impl TargetSpec {
     }
 
     /// Optional keys and their places in the file, where given.
-    fn given(&self) -> [(&'static str, Option<Located<()>>); 11] {
+    fn given(&self) -> [(&'static str, Option<Located<()>>); 13] {
         fn place<T>(value: &Option<Located<T>>) -> Option<Located<()>> {
             value.as_ref().map(|v| Located { value: (), span: v.span.clone() })
         }
@@ -155,6 +174,8 @@ impl TargetSpec {
             ("tag", place(&self.tag)),
             ("dictionary", place(&self.dictionary)),
             ("first_marker", place(&self.first_marker)),
+            ("first_tag", place(&self.first_tag)),
+            ("border_cells", place(&self.border_cells)),
             ("legacy", place(&self.legacy)),
             ("joints", place(&self.joints)),
             ("spacing", place(&self.spacing)),
@@ -229,15 +250,17 @@ impl TargetSpec {
             TargetKind::Charuco => Pattern::Charuco {
                 square_m: length("square", &self.square)?,
                 marker_m: length("marker", &self.marker)?,
-                dictionary: dictionary(""),
+                dictionary: dictionary("").value,
                 first_marker,
                 legacy: self.legacy.as_ref().is_some_and(|legacy| legacy.value),
             },
             TargetKind::Aprilgrid => Pattern::AprilGrid {
                 tag_m: length("tag", &self.tag)?,
                 gap_m: length("gap", &self.gap)?,
-                dictionary: dictionary("apriltag_36h11"),
+                dictionary: dictionary("tag36h11").value,
                 first_marker,
+                first_tag: self.first_tag.as_ref().map_or(FirstTag::LowerLeft, |first| first.value),
+                border_cells: self.border_cells.as_ref().map_or(2, |cells| cells.value),
                 joints: self.joints.as_ref().is_none_or(|joints| joints.value),
             },
             TargetKind::Circles | TargetKind::AsymmetricCircles => Pattern::Circles {
@@ -292,7 +315,7 @@ pub enum Pattern {
         /// Side of a marker.
         marker_m: f64,
         /// Name of the markers' dictionary.
-        dictionary: Located<String>,
+        dictionary: String,
         /// Number of the first marker.
         first_marker: u32,
         /// Old layout.
@@ -305,9 +328,13 @@ pub enum Pattern {
         /// Space between neighbours.
         gap_m: f64,
         /// Name of the tags' dictionary.
-        dictionary: Located<String>,
+        dictionary: String,
         /// Number of the first tag.
         first_marker: u32,
+        /// Where the first tag is.
+        first_tag: FirstTag,
+        /// Cells of a tag's black border.
+        border_cells: u32,
         /// Black squares between the corners of tags.
         joints: bool,
     },

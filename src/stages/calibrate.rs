@@ -10,7 +10,7 @@ use super::camera::camera_from_parameters;
 use super::context::{RunContext, StageError};
 use super::georeference::failed;
 use crate::calibration::{
-    BoardPoint, Calibration, CalibrationError, Detection, Observation, PhotoQuality, StartError, Target,
+    BoardPoint, Calibration, CalibrationError, Detection, Observation, PhotoQuality, Target,
     ViewPoints,
 };
 use crate::camera::{Camera, ImagePoint, Invertibility};
@@ -159,7 +159,7 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
         context.warn(note.clone());
     }
     context.write_product(CAMERA_FILE, camera_json(&made.camera, made.source.clone()).as_bytes())?;
-    context.write_product("camera-opencv.yaml", camera_opencv_yaml(&made.camera).text.as_bytes())?;
+    write_exports(config, &made.camera, context)?;
     if let Some(calibration) = &made.calibration {
         context.write_product("corners.csv", &numbers::corners_csv(&made, calibration)?)?;
         let uncertainty = pictures::Uncertainty::of(calibration, made.report_height_m);
@@ -176,7 +176,7 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
 /// The camera as other programs read it; what a format cannot hold is said.
 fn write_exports(config: &Config, camera: &Camera, context: &RunContext) -> Result<(), StageError> {
     let name = config.source.name.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut write = |file: &str, exported: Exported| {
+    let write = |file: &str, exported: Exported| {
         for loss in &exported.losses {
             tracing::info!("{file}: {loss}");
         }
@@ -264,7 +264,7 @@ fn from_photos(
         .collect();
     let (width, height) = looked.size_px;
     let fitted = fit(&views, width as u32, height as u32, declared.model, true)
-        .map_err(|e| refused(e, config, &declared.patterns))?;
+        .map_err(|e| refused(&e, config, &declared.patterns))?;
     let mut made = Calibrated::estimated(fitted, "photos", config)?;
     for photo in looked.used.iter().filter(|photo| !photo.detection.missing.is_empty()) {
         let (missing, unit) = (photo.detection.missing.len(), looked.target.unit());
@@ -305,37 +305,15 @@ fn from_corners(config: &Config, declared: &TargetCorners) -> Result<Calibrated,
     }
     let (width, height) = (declared.image_width_px, declared.image_height_px);
     let fitted = fit(&views, width, height, declared.model, false)
-        .map_err(|e| refused(e, config, &declared.model_file))?;
+        .map_err(|e| refused(&e, config, &declared.model_file))?;
     let mut made = Calibrated::estimated(fitted, "corners", config)?;
     made.inputs.push(declared.model_file.value.clone());
     made.inputs.extend(declared.views.iter().map(|file| file.value.clone()));
     Ok(made)
 }
 
-fn refused<T>(error: CalibrationError, config: &Config, key: &Located<T>) -> StageError {
-    const TILT: &str = "photograph the target filling the frame, tilted by 20° to 45° to all four sides";
-    let help = match &error {
-        CalibrationError::Start(StartError::Parallel { .. } | StartError::TooFewViews { .. })
-        | CalibrationError::WeakFocalLength { .. } => Some(TILT),
-        CalibrationError::Start(StartError::Repeated { .. }) => {
-            Some("move the target or the camera between the photos: other tilts, other parts of the frame")
-        }
-        CalibrationError::SmallPart { .. } => {
-            Some("come closer, or bring the target into all parts of the frame, its corners too")
-        }
-        CalibrationError::Undetermined { .. } => {
-            Some("fewer parameters: [calibrate.model] lens = \"radial2\", skew = false")
-        }
-        CalibrationError::NotConverged { .. } => {
-            Some("look at the photos: another camera or lens setting among them, or a board that is not flat")
-        }
-        _ => None,
-    };
-    let failure = StageError::input(error.to_string()).at(config.at(key));
-    match help {
-        Some(help) => failure.help(help),
-        None => failure,
-    }
+fn refused<T>(error: &CalibrationError, config: &Config, key: &Located<T>) -> StageError {
+    StageError::input(error.to_string()).at(config.at(key)).help(error.help())
 }
 
 /// What a user should know before trusting the camera.
