@@ -46,7 +46,9 @@ impl TargetKind {
             Self::Squares => (&["square", "gap", "hollow"], &[]),
             Self::Chessboard => (&["square"], &[]),
             Self::Charuco => (&["square", "marker", "dictionary"], &["first_marker", "legacy"]),
-            Self::Aprilgrid => (&["tag", "gap"], &["dictionary", "first_marker", "first_tag", "border_cells", "joints"]),
+            Self::Aprilgrid => {
+                (&["tag", "gap"], &["dictionary", "first_marker", "first_tag", "border_cells", "joints"])
+            }
             Self::Circles | Self::AsymmetricCircles => (&["spacing", "diameter"], &[]),
         }
     }

@@ -10,8 +10,7 @@ use super::camera::camera_from_parameters;
 use super::context::{RunContext, StageError};
 use super::georeference::failed;
 use crate::calibration::{
-    BoardPoint, Calibration, CalibrationError, Detection, Observation, PhotoQuality, Target,
-    ViewPoints,
+    BoardPoint, Calibration, CalibrationError, Detection, Observation, PhotoQuality, Target, ViewPoints,
 };
 use crate::camera::{Camera, ImagePoint, Invertibility};
 use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};

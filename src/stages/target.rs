@@ -2,8 +2,8 @@
 
 use super::context::StageError;
 use crate::calibration::{
-    AprilGridTarget, CharucoTarget, ChessboardTarget, CircleLayout, CirclesTarget, Dictionary, Marker, SquaresTarget,
-    TagOrder, TagPrint, Target,
+    AprilGridTarget, CharucoTarget, ChessboardTarget, CircleLayout, CirclesTarget, Dictionary, Marker,
+    SquaresTarget, TagOrder, TagPrint, Target,
 };
 use crate::config::target::{FirstTag, HollowSquare, Pattern, Target as Declared};
 

@@ -1,4 +1,7 @@
-use super::super::calibration::*;
+use super::super::calibration::{
+    BoardNumbers, CandidateNumbers, ChoiceNumbers, MeasuredNumbers, RejectedNumbers, StepNumbers, SupportNumbers,
+    TargetNumbers, UncertaintyNumbers, ViewNumbers,
+};
 use super::super::figures::{Panel, contour_panels, residual_plot};
 use super::super::numbers::*;
 use super::*;

@@ -1,8 +1,8 @@
 //! The declared lens as the models to fit, and the fit.
 
 use crate::calibration::{
-    Calibration, CalibrationError, Candidate, Comparison, LensModel, Options, OutlierPolicy, ViewPoints, advice,
-    calibrate_with, compare,
+    Calibration, CalibrationError, Candidate, Comparison, LensModel, Options, OutlierPolicy, ViewPoints,
+    advice, calibrate_with, compare,
 };
 use crate::config::calibrate::{LensChoice, ModelSpec};
 use crate::report::calibration::{CandidateNumbers, ChoiceNumbers};
