@@ -160,47 +160,25 @@ impl Set<'_> {
         model: LensModel,
         calibration: Result<Box<Calibration>, CalibrationError>,
     ) -> (Candidate, Vec<f64>) {
-        let outcome = calibration.as_ref().map_err(Clone::clone).and_then(|whole| {
-            let folds: Vec<Vec<(usize, f64, usize)>> = (0..self.folds)
+        let judged = calibration.as_ref().map_err(Clone::clone).and_then(|whole| {
+            let folds: Vec<Vec<(usize, f64)>> = (0..self.folds)
                 .into_par_iter()
                 .map(|fold| self.hold_out(whole, fold))
                 .collect::<Result<_, _>>()?;
-            let mut photos: Vec<(usize, f64, usize)> = folds.into_iter().flatten().collect();
-            photos.sort_by_key(|(view, ..)| *view);
-            Ok(photos)
+            let mut photos: Vec<(usize, f64)> = folds.into_iter().flatten().collect();
+            photos.sort_by_key(|(view, _)| *view);
+            Ok(photos.into_iter().map(|(_, score)| score).collect::<Vec<f64>>())
         });
-        match outcome {
-            Ok(photos) => {
-                /// Of points without noise: rounding is nothing to choose by.
-                const EXACT_PX2: f64 = 1e-16;
-                let logarithm = |sum: f64, n: usize| (sum / n.max(1) as f64).max(EXACT_PX2).ln();
-                let by_photo: Vec<f64> = photos.iter().map(|&(_, sum, n)| logarithm(sum, n)).collect();
-                let mean = by_photo.iter().sum::<f64>() / by_photo.len() as f64;
-                let candidate = Candidate {
-                    model,
-                    calibration,
-                    held_out_px: Some((0.5 * mean).exp()),
-                    score: Some(mean),
-                    excess: None,
-                    failed: None,
-                };
-                (candidate, by_photo)
-            }
-            Err(error) => {
-                let failed = calibration.is_ok().then_some(error);
-                let candidate =
-                    Candidate { model, calibration, held_out_px: None, score: None, excess: None, failed };
-                (candidate, Vec::new())
-            }
-        }
+        let failed = judged.as_ref().err().filter(|_| calibration.is_ok()).cloned();
+        let by_photo = judged.unwrap_or_default();
+        let mean = by_photo.iter().sum::<f64>() / by_photo.len() as f64;
+        let score = mean.is_finite().then_some(mean);
+        let held_out_px = score.map(|mean| (0.5 * mean).exp());
+        (Candidate { model, calibration, held_out_px, score, excess: None, failed }, by_photo)
     }
 
-    /// Fits to the photos outside a fold; per photo in it: its place, squared distances, and points.
-    fn hold_out(
-        &self,
-        whole: &Calibration,
-        fold: usize,
-    ) -> Result<Vec<(usize, f64, usize)>, CalibrationError> {
+    /// Fits to the photos outside a fold; the places of the photos in it, with their scores.
+    fn hold_out(&self, whole: &Calibration, fold: usize) -> Result<Vec<(usize, f64)>, CalibrationError> {
         let is_held = |view: &usize| view % self.folds == fold;
         let (held, kept): (Vec<usize>, Vec<usize>) = (0..self.views.len()).partition(is_held);
         let training: Vec<ViewPoints> = kept.iter().map(|&view| self.trimmed(view)).collect();
@@ -212,10 +190,7 @@ impl Set<'_> {
         let options = Options { model: whole.model, outliers: OutlierPolicy::Keep };
         let solved = solve(&training, self.width, self.height, options, vec![start])?;
         held.into_iter()
-            .map(|view| {
-                let (sum, points) = self.judge(&solved, whole, view)?;
-                Ok((view, sum, points))
-            })
+            .filter_map(|view| self.judge(&solved, whole, view).map(|score| Ok((view, score?))))
             .collect()
     }
 
@@ -230,24 +205,33 @@ impl Set<'_> {
         ViewPoints { name: self.views[view].name.clone(), observations }
     }
 
-    /// Places a photo by every other point of it and measures the points between; then the other way round.
+    /// Logarithm of a photo's mean square distance: placed by every other point of it and measured at the
+    /// points between, then the other way round. `None` for a photo with too few points for that.
     fn judge(
         &self,
         solved: &Solved,
         whole: &Calibration,
         view: usize,
-    ) -> Result<(f64, usize), CalibrationError> {
+    ) -> Option<Result<f64, CalibrationError>> {
+        const LEAST_POINTS: usize = 12;
+        /// Of points without noise: rounding is nothing to choose by.
+        const EXACT_PX2: f64 = 1e-16;
         let sights: Vec<Sight> = self.trimmed(view).observations.iter().map(Sight::of).collect();
-        let mut sum = 0.0;
-        for parity in 0..2 {
-            let (fitted, judged): (Vec<_>, Vec<_>) =
-                sights.iter().enumerate().partition(|(k, _)| k % 2 == parity);
-            let strip = |part: Vec<(usize, &Sight)>| part.into_iter().map(|(_, s)| *s).collect::<Vec<_>>();
-            let (fitted, judged) = (strip(fitted), strip(judged));
-            let distances = placed_distances(solved, &whole.model, pose_of(whole, view), &fitted, &judged)?;
-            sum += distances.iter().map(|d| d * d).sum::<f64>();
+        if sights.len() < LEAST_POINTS {
+            return None;
         }
-        Ok((sum, sights.len()))
+        let every_other = |parity: usize| -> Vec<Sight> {
+            sights.iter().enumerate().filter(|(k, _)| k % 2 == parity).map(|(_, sight)| *sight).collect()
+        };
+        let parts = [every_other(0), every_other(1)];
+        let mut sum = 0.0;
+        for (fitted, judged) in [(&parts[0], &parts[1]), (&parts[1], &parts[0])] {
+            match placed_distances(solved, &whole.model, pose_of(whole, view), fitted, judged) {
+                Ok(distances) => sum += distances.iter().map(|d| d * d).sum::<f64>(),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+        Some(Ok((sum / sights.len() as f64).max(EXACT_PX2).ln()))
     }
 }
 

@@ -72,6 +72,9 @@ pub enum CalibrationError {
     },
 }
 
+/// An adjustment that came so near and still did not settle has too many parameters, not wrong points.
+const CLOSE_PX: f64 = 2.0;
+
 impl CalibrationError {
     /// What to do about it; what to photograph next is said by [`super::advice()`].
     #[must_use]
@@ -85,6 +88,9 @@ impl CalibrationError {
             }
             Self::Start(StartError::TooFewPoints { .. } | StartError::NotFinite { .. }) => {
                 "leave this photo out, or photograph all of the target"
+            }
+            Self::NotConverged { rms_px, .. } if *rms_px < CLOSE_PX => {
+                "the lens terms play against each other: estimate fewer, or take a simpler lens"
             }
             Self::Start(StartError::NoCamera) | Self::NotConverged { .. } => {
                 "check the target's description, and that all photos are of one camera at one zoom and one focus"

@@ -24,25 +24,29 @@ struct Own {
 
 /// Two groups of views by focal length, when that is what the residuals come from.
 ///
-/// Giving every view its own focal length has to explain three quarters of all squared residuals, and the focal
-/// lengths have to differ by more than 3 %: neither a wrong lens model nor a bad photo does that.
+/// Giving every view its own focal length has to explain three quarters of all squared residuals, the focal
+/// lengths have to differ by more than 3 %, and to fall into two groups with a gap between them of at least half
+/// of that difference: a wrong lens model makes them vary over the frame, without a gap.
 pub(super) fn mixture(lens: &Lens, views: &[View]) -> Option<Mixture> {
     const EXPLAINED: f64 = 0.75;
     const LEAST_RATIO: f64 = 1.03;
+    const LEAST_GAP: f64 = 0.5;
     let own: Vec<Own> = views.iter().map(|view| own_focal_length(lens, view)).collect::<Option<_>>()?;
     let total: f64 = views.iter().flat_map(|v| &v.points).map(|p| p.distance_px().powi(2)).sum();
     let gain: f64 = own.iter().map(|own| own.gain_px2).sum();
-    let (low, high) = own.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), o| (l.min(o.scale), h.max(o.scale)));
-    let ratio = high / low;
-    if !(gain > EXPLAINED * total && ratio > LEAST_RATIO && low > 0.0) {
+    let mut scales: Vec<f64> = own.iter().map(|own| own.scale).collect();
+    scales.sort_by(f64::total_cmp);
+    let (&low, &high) = scales.first().zip(scales.last())?;
+    let gap = scales.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
+    let apart = gap[1] - gap[0] > LEAST_GAP * (high - low);
+    if !(gain > EXPLAINED * total && low > 0.0 && high > LEAST_RATIO * low && apart) {
         return None;
     }
-    let between = (low * high).sqrt();
     let names = |longer: bool| {
-        let of = views.iter().zip(&own).filter(|(_, own)| (own.scale > between) == longer);
+        let of = views.iter().zip(&own).filter(|(_, own)| (own.scale > gap[0]) == longer);
         of.map(|(view, _)| view.name.clone()).collect()
     };
-    Some(Mixture { shorter: names(false), longer: names(true), ratio })
+    Some(Mixture { shorter: names(false), longer: names(true), ratio: high / low })
 }
 
 /// One Gauss–Newton step of a view's pose and of a factor on its focal lengths.

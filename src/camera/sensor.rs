@@ -167,8 +167,64 @@ impl PixelRotation {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Brown;
+    use super::super::{Brown, Fisheye, Rational};
     use super::*;
+    use proptest::prelude::*;
+
+    /// A camera of each lens.
+    fn cameras() -> [Camera; 3] {
+        let brown = Brown::new([744.0, 749.0, -0.8, 566.0, 345.0, -0.2, 0.1, 1e-3, -2e-3, -0.02]).unwrap();
+        let rational =
+            Rational::new([520.0, 523.0, 0.5, 566.0, 345.0, 0.4, 0.1, 5e-4, -4e-4, 0.01, 0.7, 0.2, 0.03])
+                .unwrap();
+        let fisheye = Fisheye::new([250.0, 251.0, 0.3, 566.0, 345.0, 0.03, -0.008, 0.003, -6e-4]).unwrap();
+        [Lens::from(brown), rational.into(), fisheye.into()]
+            .map(|lens| Camera::new(lens, 1152, 648, None).unwrap())
+    }
+
+    #[test]
+    fn a_fisheye_gives_rays_up_to_89_degrees() {
+        let [.., camera] = cameras();
+        let at = |degrees: f64| {
+            let (s, c) = crate::units::Radians::from_degrees(degrees).get().sin_cos();
+            camera.lens.pixel_from_point(&nalgebra::Vector3::new(s, 0.0, c)).unwrap()
+        };
+        let ray = camera.ray_from_pixel(at(88.9)).unwrap();
+        assert_eq!(ray.z(), 1.0);
+        assert!((ray.x() - 52.0807).abs() < 1e-3, "{}", ray.x());
+        assert!(camera.ray_from_pixel(at(89.1)).is_none() && camera.ray_from_pixel(at(120.0)).is_none());
+        assert!(camera.lens.direction_from_pixel(at(120.0)).is_some());
+        assert!(camera.pixel_from_ray(Displacement::new(1.0, 0.0, -0.1)).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn rays_derivatives_match_differences(column in 400.0..740.0f64, row in 200.0..500.0f64) {
+            const STEP: f64 = 1e-4;
+            for camera in cameras() {
+                let pixel = ImagePoint::new(column, row);
+                let (by_pixel, by_interior) = camera.ray_derivatives(pixel).unwrap();
+                let ray = |lens: &Lens, p: ImagePoint| lens.ideal_from_pixel(p).unwrap();
+                let size = by_pixel.norm();
+                for (axis, (c, r)) in [(STEP, 0.0), (0.0, STEP)].into_iter().enumerate() {
+                    let at = |sign: f64| ray(&camera.lens, ImagePoint::new(column + sign * c, row + sign * r));
+                    let numeric = (at(1.0) - at(-1.0)) / (2.0 * STEP);
+                    prop_assert!((numeric - by_pixel.column(axis)).norm() < 1e-5 * size);
+                }
+                for k in 0..camera.lens.names().len() {
+                    let step = if k < 5 { STEP } else { 1e-7 };
+                    let at = |sign: f64| {
+                        let mut interior = camera.lens.interior();
+                        interior[k] += sign * step;
+                        ray(&Lens::new(camera.lens.kind(), &interior).unwrap(), pixel)
+                    };
+                    let numeric = (at(1.0) - at(-1.0)) / (2.0 * step);
+                    let error = (numeric - by_interior.column(k)).norm();
+                    prop_assert!(error < 1e-5 * (size + numeric.norm()), "{}: {error}", camera.lens.names()[k]);
+                }
+            }
+        }
+    }
 
     #[test]
     fn the_rim_of_a_folding_lens_is_no_material_for_a_map() {

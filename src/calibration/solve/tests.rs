@@ -331,6 +331,15 @@ fn photos_of_two_cameras_are_told_apart() {
 }
 
 #[test]
+fn a_lens_that_the_model_cannot_follow_is_not_taken_for_two_cameras() {
+    let lens = Brown::new([744.0, 749.0, 0.0, 566.4, 335.5, -0.3, 0.1, 4e-3, -3e-3, -0.02]).unwrap();
+    let views = around(&Scene::new(lens, 0.1), 12, 3);
+    let pinhole = LensModel::of(LensKind::Brown, &[]);
+    let calibration = calibrate(&views, 1152, 648, pinhole).unwrap();
+    assert!(calibration.rms_px > 1.0, "{}", calibration.rms_px);
+}
+
+#[test]
 fn a_target_in_one_corner_and_a_target_hardly_tilted_are_refused() {
     let mut scene = Scene::new(paper_camera(), 0.1);
     let mut random = ChaCha8Rng::seed_from_u64(2);
