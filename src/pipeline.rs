@@ -8,6 +8,7 @@ pub mod inputs;
 mod line;
 pub mod manifest;
 pub mod plan;
+mod timed;
 
 pub use execute::{Outcome, RunOptions, Stages, execute};
 pub use plan::{Action, Plan};

@@ -9,6 +9,7 @@ use super::folder::RunFolder;
 use super::inputs;
 use super::manifest::{Manifest, REPORT, RESOLVED, StageStatus, Timings, remove_superseded, settings_hash};
 use super::plan::{Action, Plan};
+use super::timed::Timed;
 use crate::config::Config;
 use crate::formats::atomic;
 use crate::stages::{ErrorClass, Progress, RunContext, Stage, StageError, StageRecord};
@@ -120,6 +121,8 @@ fn run_plan(
         manifest.stages = earlier.stages.clone();
         manifest.frames = earlier.frames.clone();
     }
+    let timed = Arc::new(Timed::new(progress.clone()));
+    let progress: Arc<dyn Progress> = timed.clone();
     let mut timings = Timings { began: jiff::Timestamp::now().to_string(), jobs, ..Timings::default() };
     for (stage, action) in &plan.steps {
         let context =
@@ -137,6 +140,7 @@ fn run_plan(
                 stages.run(*stage, config, &context)?;
                 let elapsed_s = began.elapsed().as_secs_f64();
                 timings.stage_s.insert(*stage, elapsed_s);
+                timings.task_s = timed.seconds();
                 let record = context.record();
                 tracing::info!(stage = stage.name(), elapsed_s, "{stage}: {}", done(&record, elapsed_s));
                 remove_superseded(folder.path(), manifest.stages.get(stage), &record);

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::timed::TaskSeconds;
 use crate::config::Config;
 use crate::formats::{atomic, libraries};
 use crate::stages::{ErrorClass, FrameStatus, Stage, StageError, StageRecord};
@@ -274,6 +275,8 @@ pub struct Timings {
     pub jobs: usize,
     /// Wall seconds of each stage that ran.
     pub stage_s: BTreeMap<Stage, f64>,
+    /// Wall seconds of each piece of work of a stage.
+    pub task_s: TaskSeconds,
 }
 
 impl Timings {

@@ -105,7 +105,7 @@ pub fn make(config: &Config, context: &RunContext) -> Result<Calibrated, StageEr
             Ok(Calibrated::given(camera, json!({ "method": "parameters" })))
         }
         CameraSource::Photos(photos) => from_photos(config, photos, context),
-        CameraSource::Corners(corners) => from_corners(config, corners),
+        CameraSource::Corners(corners) => from_corners(config, corners, context),
     }
 }
 
@@ -160,6 +160,7 @@ pub fn run(config: &Config, context: &RunContext) -> Result<Calibrated, StageErr
     context.write_product(CAMERA_FILE, camera_json(&made.camera, made.source.clone()).as_bytes())?;
     write_exports(config, &made.camera, context)?;
     if let Some(calibration) = &made.calibration {
+        tracing::info!("{}", said(&made.camera, calibration));
         context.write_product("corners.csv", &numbers::corners_csv(&made, calibration)?)?;
         let uncertainty = pictures::Uncertainty::of(calibration, made.report_height_m);
         let mut numbers = numbers::numbers(&made, calibration, uncertainty.numbers());
@@ -262,8 +263,10 @@ fn from_photos(
         })
         .collect();
     let (width, height) = looked.size_px;
+    let adjusting = context.task("adjusting the camera", 1);
     let fitted = fit(&views, width as u32, height as u32, declared.model, true)
         .map_err(|e| refused(&e, config, &declared.patterns))?;
+    drop(adjusting);
     let mut made = Calibrated::estimated(fitted, "photos", config)?;
     for photo in looked.used.iter().filter(|photo| !photo.detection.missing.is_empty()) {
         let (missing, unit) = (photo.detection.missing.len(), looked.target.unit());
@@ -278,7 +281,11 @@ fn from_photos(
     })
 }
 
-fn from_corners(config: &Config, declared: &TargetCorners) -> Result<Calibrated, StageError> {
+fn from_corners(
+    config: &Config,
+    declared: &TargetCorners,
+    context: &RunContext,
+) -> Result<Calibrated, StageError> {
     let at = |e: InputError, key: &Located<PathBuf>| failed(config, e.caused_by(key));
     let board = read_pairs(&declared.model_file).map_err(|e| at(e, &declared.model_file))?;
     let shift = declared.pixel_origin.offset_to_centre_px();
@@ -303,8 +310,10 @@ fn from_corners(config: &Config, declared: &TargetCorners) -> Result<Calibrated,
         views.push(ViewPoints { name: file_name(file), observations });
     }
     let (width, height) = (declared.image_width_px, declared.image_height_px);
+    let adjusting = context.task("adjusting the camera", 1);
     let fitted = fit(&views, width, height, declared.model, false)
         .map_err(|e| refused(&e, config, &declared.model_file))?;
+    drop(adjusting);
     let mut made = Calibrated::estimated(fitted, "corners", config)?;
     made.inputs.push(declared.model_file.value.clone());
     made.inputs.extend(declared.views.iter().map(|file| file.value.clone()));
@@ -362,6 +371,24 @@ fn notes(calibration: &Calibration) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// The camera in a line, for the log.
+fn said(camera: &Camera, calibration: &Calibration) -> String {
+    let [fx, fy, _, cx, cy, ..] = camera.lens.interior();
+    let std = &calibration.std;
+    format!(
+        "{}: f {fx:.2} ± {:.2}, {fy:.2} ± {:.2} px, principal point {cx:.2} ± {:.2}, {cy:.2} ± {:.2} px; rms {:.3} px \
+         of {} points in {} views",
+        calibration.model.describe(),
+        std[0],
+        std[1],
+        std[3],
+        std[4],
+        calibration.rms_px,
+        calibration.points(),
+        calibration.views.len()
+    )
 }
 
 /// What is known about the inverse of the lens over the frame, in words.

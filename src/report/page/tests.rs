@@ -1,6 +1,6 @@
 use super::super::calibration::{
-    BoardNumbers, CandidateNumbers, ChoiceNumbers, MeasuredNumbers, RejectedNumbers, StepNumbers, SupportNumbers,
-    TargetNumbers, UncertaintyNumbers, ViewNumbers,
+    BoardNumbers, CandidateNumbers, ChoiceNumbers, MeasuredNumbers, RejectedNumbers, StepNumbers,
+    SupportNumbers, TargetNumbers, UncertaintyNumbers, ViewNumbers,
 };
 use super::super::figures::{Panel, contour_panels, residual_plot};
 use super::super::numbers::*;
