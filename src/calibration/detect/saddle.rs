@@ -24,6 +24,13 @@ pub(super) struct Saddle {
     fit: Fit,
 }
 
+impl Saddle {
+    /// Directions of its two edges, in the order of those given.
+    pub fn edges(&self) -> [Vector2<f64>; 2] {
+        self.fit.angles.map(|angle| Vector2::new(angle.cos(), angle.sin()))
+    }
+}
+
 /// Locates a crossing.
 ///
 /// - `start`: within `reach` / 3 of it, px.

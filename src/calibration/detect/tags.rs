@@ -64,7 +64,7 @@ pub(super) fn find_tags(image: &Grey, kind: &Kind) -> Found {
     let smooth = image.smoothed();
     let mut found = Found { tags: Vec::new(), quads: 0, mirrored: 0 };
     for look in Look::ALL {
-        let quads = quads(&smooth, look);
+        let quads = quads(if look.smoothed { &smooth } else { image }, look);
         let mut mirrored = 0;
         for quad in &quads {
             match reader.read(image, &quad.corners) {
@@ -97,10 +97,10 @@ fn keep(tags: &mut Vec<Tag>, tag: Tag) {
 }
 
 /// Dark quadrilaterals.
-fn quads(smooth: &Grey, look: Look) -> Vec<Quad> {
-    let dark = dark_mask(smooth, look);
+fn quads(image: &Grey, look: Look) -> Vec<Quad> {
+    let dark = dark_mask(image, look);
     let most = (MOST_SHARE * dark.len() as f64) as usize;
-    let mut quads: Vec<Quad> = dark_areas(&dark, smooth.width(), 2 * LEAST_SIDE_PX, most)
+    let mut quads: Vec<Quad> = dark_areas(&dark, image.width(), 2 * LEAST_SIDE_PX, most)
         .iter()
         .filter(|area| area.rows.len() >= LEAST_SIDE_PX && area.filled >= LEAST_SIDE_PX * LEAST_SIDE_PX)
         .filter_map(|area| {
