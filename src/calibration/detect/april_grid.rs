@@ -66,19 +66,14 @@ fn corners_of(target: &AprilGridTarget, tag: usize) -> Option<[Vector2<f64>; 4]>
 }
 
 fn counted(found: &Found, target: &AprilGridTarget) -> Result<(usize, usize), DetectError> {
-    if found.tags.is_empty() {
-        return Err(match found.mirrored {
-            0 | 1 => LatticeError::NoLattice { what: UNIT, single: found.quads }.into(),
-            mirrored => GridError::Mirrored { what: UNIT, found: mirrored }.into(),
-        });
-    }
+    let tags = found.readable(UNIT)?;
     let pitch = 1.0 + target.gap_m() / target.tag_m();
-    let step = vertical_step(&found.tags, pitch).ok_or(GridError::OneRow { what: UNIT })?;
+    let step = vertical_step(tags, pitch).ok_or(GridError::OneRow { what: UNIT })?;
     let columns = step.unsigned_abs() as usize;
     // Only those that lie right tell how far the board goes on: single ones may be misread.
     let endless = target.endless(columns.max(1));
-    let groups = agreeing(&found.tags, |tag| corners_of(&endless, tag));
-    let index = |&at: &usize| found.tags[at].marker - target.print().first;
+    let groups = agreeing(tags, |tag| corners_of(&endless, tag));
+    let index = |&at: &usize| tags[at].marker - target.print().first;
     let last = groups.first().into_iter().flatten().map(index).max();
     Ok((last.unwrap_or(0) / columns.max(1) + 1, columns))
 }

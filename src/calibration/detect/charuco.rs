@@ -40,8 +40,13 @@ pub(super) fn detect(image: &Grey, target: &CharucoTarget) -> Result<Detection, 
         let found = found.tags.len().min(expected);
         return Err(LatticeError::Incomplete { what: MARKERS, found, expected }.into());
     };
+    let other_layout = target.other_layout();
+    let as_other = agreeing(&found.tags, |marker| marker_corners(&other_layout, marker));
+    if let Some(all) = as_other.first().filter(|all| all.len() > first.len()) {
+        return Err(GridError::Layout { what: MARKERS, found: all.len() }.into());
+    }
     if others.first().is_some_and(|other| 2 * other.len() > first.len()) {
-        return Err(divided(&found, target, groups.len()));
+        return Err(LatticeError::Several { targets: groups.len() }.into());
     }
     let tags: Vec<&Tag> = first.iter().map(|&at| &found.tags[at]).collect();
     locate(image, &Search { smooth: search.smoothed(), factor }, &tags, target)
@@ -75,20 +80,14 @@ fn marker_corners(target: &CharucoTarget, marker: usize) -> Option<[Vector2<f64>
 }
 
 fn counted(found: &Found, target: &CharucoTarget) -> Result<(usize, usize), DetectError> {
-    if found.tags.is_empty() {
-        return Err(match found.mirrored {
-            0 | 1 => LatticeError::NoLattice { what: MARKERS, single: found.quads }.into(),
-            mirrored => GridError::Mirrored { what: MARKERS, found: mirrored }.into(),
-        });
-    }
+    let tags = found.readable(MARKERS)?;
     let two_rows = 2.0 * target.square_m() / target.marker_m();
-    let step = vertical_step(&found.tags, two_rows).filter(|step| *step > 0);
+    let step = vertical_step(tags, two_rows).filter(|step| *step > 0);
     let columns = step.ok_or(GridError::OneRow { what: MARKERS })? as usize;
     // Only those that lie right tell how far the board goes on: single ones may be misread.
     let endless = target.endless(columns);
-    let groups = agreeing(&found.tags, |marker| marker_corners(&endless, marker));
-    let last =
-        groups.first().into_iter().flatten().filter_map(|&at| endless.place(found.tags[at].marker)).max();
+    let groups = agreeing(tags, |marker| marker_corners(&endless, marker));
+    let last = groups.first().into_iter().flatten().filter_map(|&at| endless.place(tags[at].marker)).max();
     Ok((last.map_or(0, |(row, _)| row) + 1, columns))
 }
 
@@ -103,15 +102,6 @@ fn check_size(found: &Found, target: &CharucoTarget) -> Result<(), DetectError> 
         return Err(other_size(UNIT, (rows, columns), declared).into());
     }
     Ok(())
-}
-
-/// Why markers make up more than one board: there are several, or the rows lie as in the other layout.
-fn divided(found: &Found, target: &CharucoTarget, groups: usize) -> DetectError {
-    let other = target.other_layout();
-    match agreeing(&found.tags, |marker| marker_corners(&other, marker)).as_slice() {
-        [all] => GridError::Layout { what: MARKERS, found: all.len() }.into(),
-        _ => LatticeError::Several { targets: groups }.into(),
-    }
 }
 
 /// The searched image.

@@ -8,6 +8,7 @@ pub(super) use agreement::{agreeing, vertical_step};
 
 use super::areas::{Area, dark_areas};
 use super::quads::{Quad, four_sides};
+use super::{DetectError, GridError, LatticeError};
 use crate::calibration::grey::Grey;
 use crate::calibration::target::Dictionary;
 use mask::{Look, dark_mask};
@@ -56,6 +57,20 @@ pub(super) struct Found {
     pub quads: usize,
     /// Quadrilaterals that are markers in a mirror.
     pub mirrored: usize,
+}
+
+impl Found {
+    /// The markers; an error when there are none, or when most can be read in a mirror only. Some markers look
+    /// like others there.
+    pub fn readable(&self, what: &'static str) -> Result<&[Tag], DetectError> {
+        if self.mirrored > 1 && self.mirrored > 2 * self.tags.len() {
+            return Err(GridError::Mirrored { what, found: self.mirrored }.into());
+        }
+        if self.tags.is_empty() {
+            return Err(LatticeError::NoLattice { what, single: self.quads }.into());
+        }
+        Ok(&self.tags)
+    }
 }
 
 /// Finds all markers of a dictionary.
@@ -131,7 +146,8 @@ fn outline(area: &Area) -> Vec<Vector2<f64>> {
         points.push(Vector2::new(column, top as f64 - 0.5));
         points.push(Vector2::new(column, bottom as f64 + 0.5));
     }
-    let angle = |p: &Vector2<f64>| f64::atan2(p.y - area.centre.y, p.x - area.centre.x);
-    points.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-    points
+    let angle = |p: Vector2<f64>| (f64::atan2(p.y - area.centre.y, p.x - area.centre.x), p);
+    let mut turned: Vec<(f64, Vector2<f64>)> = points.into_iter().map(angle).collect();
+    turned.sort_by(|a, b| a.0.total_cmp(&b.0));
+    turned.into_iter().map(|(_, p)| p).collect()
 }

@@ -78,6 +78,9 @@ fn what_is_not_the_target_is_said() {
     assert_eq!(say(&image, &other(6, 9, false)), "found 6 × 7 squares of the declared 6 × 9");
     assert_eq!(say(&image, &other(4, 7, false)), "found 6 × 7 squares, more than the declared 4 × 7");
     assert!(say(&image, &other(6, 7, true)).contains("not in the declared layout"));
+    let even = board(6, 8, "DICT_4X4_50", true);
+    let seen = drawn(&even, &posed(&even, 0.35, (0.0, 0.0), (20.0, -15.0, 5.0)), Look::PAPER);
+    assert!(say(&seen, &other(6, 8, false)).contains("not in the declared layout"));
     let mirrored: Vec<f32> =
         image.values().chunks_exact(image.width()).flat_map(|row| row.iter().rev().copied()).collect();
     let mirrored = Grey::new(image.width(), image.height(), mirrored).unwrap();

@@ -3,7 +3,7 @@
 use super::super::plane::{homography, mapped};
 use super::Tag;
 use nalgebra::{Matrix3, Vector2};
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Markers tell each other's places up to this far away, in sides.
 const REACH: f64 = 3.0;
@@ -20,23 +20,15 @@ pub(crate) fn agreeing(tags: &[Tag], place: impl Fn(usize) -> Option<[Vector2<f6
         (Some(a), Some(b)) => a.expects(b) && b.expects(a),
         _ => false,
     };
-    let mut group = vec![usize::MAX; tags.len()];
+    let mut left: BTreeSet<usize> = (0..tags.len()).filter(|&at| seen[at].is_some()).collect();
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    for start in 0..tags.len() {
-        if group[start] != usize::MAX || seen[start].is_none() {
-            continue;
-        }
-        group[start] = groups.len();
+    while let Some(start) = left.pop_first() {
         let mut members = vec![start];
-        let mut queue = VecDeque::from([start]);
-        while let Some(at) = queue.pop_front() {
-            for next in 0..tags.len() {
-                if group[next] == usize::MAX && agree(at, next) {
-                    group[next] = groups.len();
-                    members.push(next);
-                    queue.push_back(next);
-                }
-            }
+        let mut next = 0;
+        while next < members.len() {
+            let here = members[next];
+            members.extend(left.extract_if(.., |&other| agree(here, other)));
+            next += 1;
         }
         groups.push(members);
     }
