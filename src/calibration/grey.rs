@@ -133,11 +133,12 @@ impl Grey {
 
     /// Brightness range that leaves out the darkest and the brightest 1 %.
     pub(super) fn range(&self) -> f32 {
-        let stride = (self.values.len() / 20_000).max(1);
+        let stride = if self.values.len() > 40_000 { (self.values.len() / 10_000) | 1 } else { 1 };
         let mut sample: Vec<f32> = self.values.iter().step_by(stride).copied().collect();
-        sample.sort_by(f32::total_cmp);
-        let last = sample.len() - 1;
-        sample[last - last / 100] - sample[last / 100]
+        let share = sample.len() / 100;
+        let top = sample.len() - 1 - share;
+        let high = *sample.select_nth_unstable_by(top, f32::total_cmp).1;
+        high - *sample.select_nth_unstable_by(share, f32::total_cmp).1
     }
 
     /// True where a pixel is darker than the mean of the window around it by more than `margin`.

@@ -23,11 +23,7 @@ pub(super) fn detect(image: &Grey, target: &AprilGridTarget) -> Result<Detection
     let (search, factor) = searched(image);
     let found = find_tags(&search, &kind(target));
     check_layout(&found, target)?;
-    let place = |tag: usize| {
-        let (row, column) = target.place(tag)?;
-        Some(std::array::from_fn(|k| board(target, row, column, k)))
-    };
-    let groups = agreeing(&found.tags, place);
+    let groups = agreeing(&found.tags, |tag| corners_of(target, tag));
     let expected = target.rows() * target.columns();
     let [first, others @ ..] = &groups[..] else {
         return Err(
@@ -44,7 +40,7 @@ pub(super) fn detect(image: &Grey, target: &AprilGridTarget) -> Result<Detection
 /// Rows and columns of tags: the numbers grow by one to the right and by the number of columns from row to row.
 pub(super) fn count(image: &Grey, target: &AprilGridTarget) -> Result<(usize, usize), DetectError> {
     let found = find_tags(&searched(image).0, &kind(target));
-    Ok(counted(&found, target)?)
+    counted(&found, target)
 }
 
 fn kind(target: &AprilGridTarget) -> Kind {
@@ -64,17 +60,21 @@ fn board(target: &AprilGridTarget, row: usize, column: usize, corner: usize) -> 
     Vector2::new(p.x_m, p.y_m) / target.tag_m()
 }
 
+fn corners_of(target: &AprilGridTarget, tag: usize) -> Option<[Vector2<f64>; 4]> {
+    let (row, column) = target.place(tag)?;
+    Some(std::array::from_fn(|k| board(target, row, column, k)))
+}
+
 fn counted(found: &Found, target: &AprilGridTarget) -> Result<(usize, usize), DetectError> {
-    if found.tags.is_empty() {
-        return Err(match found.mirrored {
-            0 | 1 => LatticeError::NoLattice { what: UNIT, single: found.quads }.into(),
-            mirrored => GridError::Mirrored { what: UNIT, found: mirrored }.into(),
-        });
-    }
+    let tags = found.readable(UNIT)?;
     let pitch = 1.0 + target.gap_m() / target.tag_m();
-    let step = vertical_step(&found.tags, pitch).ok_or(GridError::OneRow { what: UNIT })?;
+    let step = vertical_step(tags, pitch).ok_or(GridError::OneRow { what: UNIT })?;
     let columns = step.unsigned_abs() as usize;
-    let last = found.tags.iter().map(|tag| tag.marker.saturating_sub(target.print().first)).max();
+    // Only those that lie right tell how far the board goes on: single ones may be misread.
+    let endless = target.endless(columns.max(1));
+    let groups = agreeing(tags, |tag| corners_of(&endless, tag));
+    let index = |&at: &usize| tags[at].marker - target.print().first;
+    let last = groups.first().into_iter().flatten().map(index).max();
     Ok((last.unwrap_or(0) / columns.max(1) + 1, columns))
 }
 

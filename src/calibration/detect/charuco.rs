@@ -2,9 +2,8 @@
 
 use super::grid::other_size;
 use super::lattice::MarkerSeen;
-use super::misfit::Pair;
+use super::misfit::{Pair, in_place};
 use super::plane::{homography, mapped};
-use super::strays::without_strays;
 use super::tags::{Found, Kind, Tag, agreeing, find_tags, vertical_step};
 use super::{DetectError, DetectedCorner, Detection, GridError, LatticeError, crossings, saddle};
 use crate::calibration::grey::Grey;
@@ -23,6 +22,8 @@ const CORNERS: &str = "inner corners";
 const REACH: f64 = 2.2;
 /// A corner lies within this share of a square of where they say.
 const MOST_MISS: f64 = 0.2;
+/// Edges run within 10° of where the markers say.
+const MOST_TURN_SINE: f64 = 0.17;
 /// Fewest corners that are of use.
 const LEAST_CORNERS: usize = 6;
 /// Light and dark squares differ by at least this share of the photo's brightness range.
@@ -39,8 +40,13 @@ pub(super) fn detect(image: &Grey, target: &CharucoTarget) -> Result<Detection, 
         let found = found.tags.len().min(expected);
         return Err(LatticeError::Incomplete { what: MARKERS, found, expected }.into());
     };
+    let other_layout = target.other_layout();
+    let as_other = agreeing(&found.tags, |marker| marker_corners(&other_layout, marker));
+    if let Some(all) = as_other.first().filter(|all| all.len() > first.len()) {
+        return Err(GridError::Layout { what: MARKERS, found: all.len() }.into());
+    }
     if others.first().is_some_and(|other| 2 * other.len() > first.len()) {
-        return Err(divided(&found, target, groups.len()));
+        return Err(LatticeError::Several { targets: groups.len() }.into());
     }
     let tags: Vec<&Tag> = first.iter().map(|&at| &found.tags[at]).collect();
     locate(image, &Search { smooth: search.smoothed(), factor }, &tags, target)
@@ -74,17 +80,15 @@ fn marker_corners(target: &CharucoTarget, marker: usize) -> Option<[Vector2<f64>
 }
 
 fn counted(found: &Found, target: &CharucoTarget) -> Result<(usize, usize), DetectError> {
-    if found.tags.is_empty() {
-        return Err(match found.mirrored {
-            0 | 1 => LatticeError::NoLattice { what: MARKERS, single: found.quads }.into(),
-            mirrored => GridError::Mirrored { what: MARKERS, found: mirrored }.into(),
-        });
-    }
+    let tags = found.readable(MARKERS)?;
     let two_rows = 2.0 * target.square_m() / target.marker_m();
-    let step = vertical_step(&found.tags, two_rows).filter(|step| *step > 0);
+    let step = vertical_step(tags, two_rows).filter(|step| *step > 0);
     let columns = step.ok_or(GridError::OneRow { what: MARKERS })? as usize;
-    let last = found.tags.iter().map(|tag| target.row_among(columns, tag.marker)).max();
-    Ok((last.unwrap_or(0) + 1, columns))
+    // Only those that lie right tell how far the board goes on: single ones may be misread.
+    let endless = target.endless(columns);
+    let groups = agreeing(tags, |marker| marker_corners(&endless, marker));
+    let last = groups.first().into_iter().flatten().filter_map(|&at| endless.place(tags[at].marker)).max();
+    Ok((last.map_or(0, |(row, _)| row) + 1, columns))
 }
 
 fn check_size(found: &Found, target: &CharucoTarget) -> Result<(), DetectError> {
@@ -98,15 +102,6 @@ fn check_size(found: &Found, target: &CharucoTarget) -> Result<(), DetectError> 
         return Err(other_size(UNIT, (rows, columns), declared).into());
     }
     Ok(())
-}
-
-/// Why markers make up more than one board: there are several, or the rows lie as in the other layout.
-fn divided(found: &Found, target: &CharucoTarget, groups: usize) -> DetectError {
-    let other = target.other_layout();
-    match agreeing(&found.tags, |marker| marker_corners(&other, marker)).as_slice() {
-        [all] => GridError::Layout { what: MARKERS, found: all.len() }.into(),
-        _ => LatticeError::Several { targets: groups }.into(),
-    }
 }
 
 /// The searched image.
@@ -156,7 +151,12 @@ fn locate(
             corners.push(DetectedCorner { row, column, corner: 0, board, growth, blunt, refined, sharp });
         }
     }
-    without_strays(&mut corners, 2);
+    let located: Vec<Pair> = corners
+        .iter()
+        .map(|c| (in_squares(target, c.board), Vector2::new(c.sharp.column, c.sharp.row)))
+        .collect();
+    let mut fits = in_place(&located, 1.0, |a, b| a != b).into_iter();
+    corners.retain(|_| fits.next() == Some(true));
     let flat = |of: &dyn Fn(&DetectedCorner) -> usize| corners.iter().all(|c| of(c) == of(&corners[0]));
     if corners.len() < LEAST_CORNERS || flat(&|c| c.row) || flat(&|c| c.column) {
         return Err(DetectError::Unsharp { what: CORNERS, located: corners.len(), found });
@@ -204,8 +204,13 @@ impl Expected {
         // Blur carries the markers' ink a little way towards the corner.
         let window = (self.free * self.square_px() * scale).max(LEAST_WINDOW_PX);
         let saddle = saddle::refine(image, search.full(start), self.steps, window)?;
+        // Where something in front of the board crosses one of its edges, the edges run otherwise.
+        let turned = saddle.edges().iter().zip(&self.steps).any(|(edge, step)| {
+            let sine = edge.perp(step) / step.norm();
+            sine.abs() > MOST_TURN_SINE
+        });
         let miss = (saddle.pixel - search.full(self.place)).norm();
-        (miss < (reach + 0.5) * scale).then(|| {
+        (!turned && miss < (reach + 0.5) * scale).then(|| {
             [search.full(self.place), search.full(start), saddle.pixel].map(|p| ImagePoint::new(p.x, p.y))
         })
     }

@@ -4,7 +4,7 @@
 //! strongest saddles are looked at on a ring around them: it must cross exactly four edges, two by two opposite.
 
 use crate::calibration::grey::Grey;
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 
 /// Most saddles looked at, the strongest first: bounds the work on photos full of clutter.
 const MAX_PEAKS: usize = 4000;
@@ -23,7 +23,7 @@ const CONTRAST_SHARE: f32 = 0.04;
 pub(super) struct Crossing {
     /// The pixel of the strongest response.
     pub peak: Vector2<f64>,
-    /// Where the saddle is level.
+    /// Where its edges meet, from the ring.
     pub saddle: Vector2<f64>,
     /// Unit vectors along the four edges that leave it, clockwise as seen; dark between the first and the second.
     pub arms: [Vector2<f64>; 4],
@@ -34,10 +34,9 @@ pub(super) struct Crossing {
 /// All crossings in a smoothed photo, the strongest first.
 pub(super) fn find(smooth: &Grey) -> Vec<Crossing> {
     let least = CONTRAST_SHARE * smooth.range();
-    let crossings = peaks(smooth).into_iter().filter_map(|(column, row)| {
-        let peak = Vector2::new(column as f64, row as f64);
-        settled(smooth, peak, 1).and_then(|saddle| ring(smooth, peak, saddle, least))
-    });
+    let crossings = peaks(smooth)
+        .into_iter()
+        .filter_map(|(column, row)| crossing(smooth, Vector2::new(column as f64, row as f64), least));
     crossings.collect()
 }
 
@@ -52,14 +51,14 @@ pub(super) fn near(smooth: &Grey, place: Vector2<f64>, reach: f64, least_contras
                 continue;
             }
             let pixel = Vector2::new(c as f64, r as f64);
-            let strength = -hessian(smooth, c, r).determinant() as f32;
+            let strength = response(smooth, c, r);
             if (pixel - place).norm() <= reach && best.is_none_or(|(most, _)| strength > most) {
                 best = Some((strength, pixel));
             }
         }
     }
     let (_, peak) = best.filter(|&(strength, _)| strength > 0.0)?;
-    ring(smooth, peak, settled(smooth, peak, 2)?, least_contrast)
+    crossing(smooth, peak, least_contrast)
 }
 
 fn is_inside(image: &Grey, column: isize, row: isize) -> bool {
@@ -70,13 +69,14 @@ fn is_inside(image: &Grey, column: isize, row: isize) -> bool {
         && row < image.height() as isize - frame
 }
 
-fn hessian(image: &Grey, column: isize, row: isize) -> Matrix2<f64> {
+/// −det(Hessian) at a pixel.
+fn response(image: &Grey, column: isize, row: isize) -> f32 {
     let s = STEP as isize;
-    let at = |c: isize, r: isize| f64::from(image.at(column + c, row + r));
+    let at = |c: isize, r: isize| image.at(column + c, row + r);
     let xx = at(s, 0) - 2.0 * at(0, 0) + at(-s, 0);
     let yy = at(0, s) - 2.0 * at(0, 0) + at(0, -s);
     let xy = 0.25 * (at(s, s) - at(-s, s) - at(s, -s) + at(-s, -s));
-    Matrix2::new(xx, xy, xy, yy)
+    xy * xy - xx * yy
 }
 
 /// −det(Hessian) of one row of pixels, zero at both ends.
@@ -135,67 +135,71 @@ fn peaks(image: &Grey) -> Vec<(usize, usize)> {
     peaks.into_iter().map(|(_, column, row)| (column, row)).collect()
 }
 
-/// Where the saddle through a pixel is level, by Newton's method.
-fn settled(image: &Grey, peak: Vector2<f64>, rounds: usize) -> Option<Vector2<f64>> {
-    let mut place = peak;
-    for _ in 0..rounds {
-        let (c, r) = (place.x.round() as isize, place.y.round() as isize);
-        if !is_inside(image, c, r) {
-            return None;
-        }
-        let s = STEP as isize;
-        let slope = |dc: isize, dr: isize| f64::from(image.at(c + dc, r + dr) - image.at(c - dc, r - dr));
-        // Second differences over the step, first differences over twice the step.
-        let gradient = 0.5 * STEP as f64 * Vector2::new(slope(s, 0), slope(0, s));
-        let step = hessian(image, c, r).try_inverse()? * gradient;
-        place = Vector2::new(c as f64, r as f64) - step;
-    }
-    ((place - peak).norm() < 2.5).then_some(place)
-}
-
-/// Follows the ring around a saddle: the four edges it crosses.
-fn ring(image: &Grey, peak: Vector2<f64>, saddle: Vector2<f64>, least_contrast: f32) -> Option<Crossing> {
-    const TURN: f64 = std::f64::consts::TAU / RING_SAMPLES as f64;
-    const HALF: usize = RING_SAMPLES / 2;
-    let raw: [f32; RING_SAMPLES] = std::array::from_fn(|i| {
-        let (sin, cos) = (i as f64 * TURN).sin_cos();
-        image.between(saddle + RING_PX * Vector2::new(cos, sin))
-    });
-    let values: [f32; RING_SAMPLES] = std::array::from_fn(|i| {
-        0.25 * (raw[(i + RING_SAMPLES - 1) % RING_SAMPLES] + 2.0 * raw[i] + raw[(i + 1) % RING_SAMPLES])
-    });
-    let (low, high) =
-        values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)));
-    let contrast = high - low;
-    if contrast < least_contrast || contrast <= 0.0 {
-        return None;
-    }
-    let middle = 0.5 * (low + high);
-    let light: [bool; RING_SAMPLES] = std::array::from_fn(|i| values[i] > middle);
-    let (mut edges, mut count) = ([(0.0, false); 4], 0);
-    for i in 0..RING_SAMPLES {
-        let next = (i + 1) % RING_SAMPLES;
-        if light[i] == light[next] {
-            continue;
-        }
-        if count == 4 {
-            return None;
-        }
-        let share = f64::from((middle - values[i]) / (values[next] - values[i]));
-        edges[count] = ((i as f64 + share) * TURN, light[i]);
-        count += 1;
-    }
-    let alike = (0..HALF).filter(|&i| light[i] == light[i + HALF]).count();
-    if count != 4 || alike + 3 < HALF {
-        return None;
-    }
-    // Clockwise, the first edge is the one after which it is dark.
-    if !edges[0].1 {
-        edges.rotate_left(1);
-    }
-    let arms = edges.map(|(angle, _)| Vector2::new(angle.cos(), angle.sin()));
+/// The crossing around a saddle, from where two rings meet its edges; the second ring lies about the crossing of
+/// the chords of the first.
+fn crossing(image: &Grey, peak: Vector2<f64>, least_contrast: f32) -> Option<Crossing> {
+    const FARTHEST_PX: f64 = 2.5;
+    let first = Ring::new(image, peak, least_contrast)?;
+    let place = first.chords_meet().filter(|place| (place - peak).norm() < FARTHEST_PX)?;
+    let ring = Ring::new(image, place, least_contrast)?;
+    let saddle = ring.chords_meet().filter(|saddle| (saddle - place).norm() < 0.5 * FARTHEST_PX)?;
+    let arms = ring.points.map(|p| (p - saddle).normalize());
     // Opposite arms are one edge, bent by 30° at most; neighbours are 20° or more apart.
     let straight = (0..2).all(|k| arms[k].dot(&arms[k + 2]) < -0.86);
     let apart = (0..4).all(|k| arms[k].perp(&arms[(k + 1) % 4]) > 0.34);
-    (straight && apart).then_some(Crossing { peak, saddle, arms, contrast })
+    (straight && apart).then_some(Crossing { peak, saddle, arms, contrast: ring.contrast })
+}
+
+/// Where a ring meets four edges.
+struct Ring {
+    /// Clockwise, dark between the first and the second.
+    points: [Vector2<f64>; 4],
+    contrast: f32,
+}
+
+impl Ring {
+    /// `None` when brightness along the ring does not change sides four times, alike at opposite places.
+    fn new(image: &Grey, centre: Vector2<f64>, least_contrast: f32) -> Option<Self> {
+        const TURN: f64 = std::f64::consts::TAU / RING_SAMPLES as f64;
+        const HALF: usize = RING_SAMPLES / 2;
+        let point = |turns: f64| {
+            let (sin, cos) = (turns * TURN).sin_cos();
+            centre + RING_PX * Vector2::new(cos, sin)
+        };
+        let raw: [f32; RING_SAMPLES] = std::array::from_fn(|i| image.between(point(i as f64)));
+        let values: [f32; RING_SAMPLES] = std::array::from_fn(|i| {
+            let (before, after) = (raw[(i + RING_SAMPLES - 1) % RING_SAMPLES], raw[(i + 1) % RING_SAMPLES]);
+            0.25 * (before + 2.0 * raw[i] + after)
+        });
+        let (low, high) =
+            values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)));
+        let contrast = high - low;
+        if contrast < least_contrast || contrast <= 0.0 {
+            return None;
+        }
+        let middle = 0.5 * (low + high);
+        let is_light = |i: usize| values[i % RING_SAMPLES] > middle;
+        let alike = (0..HALF).filter(|&i| is_light(i) == is_light(i + HALF)).count();
+        let mut changes = (0..RING_SAMPLES).filter(|&i| is_light(i) != is_light(i + 1));
+        let edges = [changes.next()?, changes.next()?, changes.next()?, changes.next()?];
+        if changes.next().is_some() || alike + 3 < HALF {
+            return None;
+        }
+        let mut points = edges.map(|i| {
+            let (before, after) = (values[i], values[(i + 1) % RING_SAMPLES]);
+            point(i as f64 + f64::from((middle - before) / (after - before)))
+        });
+        if !is_light(edges[0]) {
+            points.rotate_left(1);
+        }
+        Some(Self { points, contrast })
+    }
+
+    /// Where the chords between opposite points meet.
+    fn chords_meet(&self) -> Option<Vector2<f64>> {
+        let [a, b, c, d] = self.points;
+        let (u, v) = (c - a, d - b);
+        let sine = u.perp(&v);
+        (sine > 0.0).then(|| a + u * ((b - a).perp(&v) / sine))
+    }
 }

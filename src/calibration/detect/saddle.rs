@@ -8,20 +8,29 @@
 //! around it by least squares. A photo of a crossing looks the same turned by half about it, whatever the blur
 //! and the camera's gamma: there is nothing that could draw the estimate to one side.
 
-use super::step::normal;
+use super::step::{Lanes, Products, step};
 use crate::calibration::grey::Grey;
 use nalgebra::{SMatrix, SVector, Vector2};
 
 /// Crossing, two edge angles, blur, mean, slope across and down, contrast.
 const PARAMETERS: usize = 9;
 /// Wider windows gain little and see the lens bend the edges.
-const WIDEST_REACH_PX: f64 = 9.0;
+const WIDEST_REACH_PX: f64 = 7.5;
+/// Half a pixel's diagonal is unavoidable.
+const OFF_CENTRE_PX: f64 = 1.0;
 
 /// A located crossing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Saddle {
     pub pixel: Vector2<f64>,
     fit: Fit,
+}
+
+impl Saddle {
+    /// Directions of its two edges, in the order of those given.
+    pub fn edges(&self) -> [Vector2<f64>; 2] {
+        self.fit.angles.map(|angle| Vector2::new(angle.cos(), angle.sin()))
+    }
 }
 
 /// Locates a crossing.
@@ -41,8 +50,8 @@ pub(super) fn refine(
     let window = Window::new(image, start, reach)?;
     let mut saddle = settle(Fit::start(&window, start, edges)?, &window)?;
     // A window that is not symmetric about the crossing shows more of one field than of the opposite one.
-    let recentred = Window::new(image, saddle.pixel, reach)?;
-    if recentred.centre != window.centre {
+    if saddle.fit.crossing.norm() > OFF_CENTRE_PX {
+        let recentred = Window::new(image, saddle.pixel, reach)?;
         saddle = settle(saddle.fit.seen_from(recentred.centre - window.centre), &recentred)?;
     }
     ((saddle.pixel - start).norm() < 0.5 * reach + 0.5).then_some(saddle)
@@ -51,8 +60,8 @@ pub(super) fn refine(
 /// Levenberg–Marquardt from a start.
 fn settle(start: Fit, window: &Window) -> Option<Saddle> {
     const STEPS: usize = 12;
-    const TOLERANCE_PX: f64 = 3e-3;
-    // Where the model does not fit exactly, steps shrink slowly: this many are enough for so little.
+    const TOLERANCE_PX: f64 = 1e-2;
+    // Steps shrink tenfold and more from one to the next, less where the model does not fit exactly.
     const LEFT_PX: f64 = 3e-2;
     let mut fit = start;
     let (mut equations, mut damping) = (Equations::new(&fit, window), 1e-3);
@@ -71,7 +80,7 @@ fn settle(start: Fit, window: &Window) -> Option<Saddle> {
             _ => damping = (10.0 * damping).max(1e-2),
         }
     }
-    let spread = (equations.cost / window.pixels.len() as f64).sqrt();
+    let spread = (equations.cost / window.count as f64).sqrt();
     let sine = (fit.angles[1] - fit.angles[0]).sin().abs();
     let clean = spread < 0.5 * fit.contrast.abs() && sine > 0.25;
     (moved < LEFT_PX && clean).then_some(Saddle { pixel: window.centre + fit.crossing, fit })
@@ -82,8 +91,9 @@ struct Window {
     /// A pixel's centre; everything else is relative to it.
     centre: Vector2<f64>,
     reach: f64,
-    /// Right, down, brightness.
-    pixels: Vec<[f64; 3]>,
+    /// Right, down, brightness, and 1 or 0 for those that only fill up the last four.
+    pixels: Vec<[Lanes; 4]>,
+    count: usize,
 }
 
 impl Window {
@@ -102,12 +112,17 @@ impl Window {
                 let (c, r) = (column + right, row + down);
                 let seen = c >= 0 && r >= 0 && c < image.width() as isize && r < image.height() as isize;
                 if seen && ((right * right + down * down) as f64) <= reach * reach {
-                    pixels.push([right as f64, down as f64, f64::from(image.at(c, r))]);
+                    pixels.push([right as f32, down as f32, image.at(c, r), 1.0]);
                 }
             }
         }
-        let enough = pixels.len() as f64 > 0.7 * std::f64::consts::PI * (reach - 0.5) * (reach - 0.5);
-        enough.then_some(Self { centre: Vector2::new(column as f64, row as f64), reach, pixels })
+        let count = pixels.len();
+        let enough = count as f64 > 0.7 * std::f64::consts::PI * (reach - 0.5) * (reach - 0.5);
+        let lanes =
+            |four: &[[f32; 4]], i: usize| Lanes(std::array::from_fn(|k| four.get(k).map_or(0.0, |p| p[i])));
+        let pixels = pixels.chunks(4).map(|four| std::array::from_fn(|i| lanes(four, i))).collect();
+        let centre = Vector2::new(column as f64, row as f64);
+        enough.then_some(Self { centre, reach, pixels, count })
     }
 }
 
@@ -139,11 +154,13 @@ impl Fit {
         // Mean of each pair of opposite fields.
         let normals = fit.normals();
         let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
-        for &[x, y, value] in &window.pixels {
-            let p = Vector2::new(x, y) - fit.crossing;
-            let field = usize::from(normals[0].dot(&p) * normals[1].dot(&p) > 0.0);
-            sums[field] += value;
-            counts[field] += 1.0;
+        for [x, y, value, weight] in &window.pixels {
+            for k in 0..4 {
+                let p = Vector2::new(f64::from(x.0[k]), f64::from(y.0[k])) - fit.crossing;
+                let field = usize::from(normals[0].dot(&p) * normals[1].dot(&p) > 0.0);
+                sums[field] += f64::from(value.0[k]);
+                counts[field] += f64::from(weight.0[k]);
+            }
         }
         let [unlike, like] = [0, 1].map(|k| sums[k] / f64::max(counts[k], 1.0));
         fit.mean = 0.5 * (like + unlike);
@@ -175,8 +192,8 @@ impl Fit {
 
 /// Normal equations of the nine parameters.
 struct Equations {
-    /// Lower triangle of JᵀJ, Jᵀ residuals in the last row.
-    matrix: [[f64; PARAMETERS]; PARAMETERS + 1],
+    matrix: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    right: SVector<f64, PARAMETERS>,
     /// Sum of squared residuals.
     cost: f64,
 }
@@ -184,49 +201,47 @@ struct Equations {
 impl Equations {
     fn new(fit: &Fit, window: &Window) -> Self {
         let [n, m] = fit.normals();
-        // Unit vectors along the edges: how the normals turn.
-        let (along_n, along_m) = (Vector2::new(-n.y, n.x), Vector2::new(-m.y, m.x));
-        let per_blur = 1.0 / fit.blur;
-        let mut matrix = [[0.0; PARAMETERS]; PARAMETERS + 1];
-        let mut cost = 0.0;
-        for &[x, y, value] in &window.pixels {
-            let (dx, dy) = (x - fit.crossing.x, y - fit.crossing.y);
-            let (d, e) = (n.x * dx + n.y * dy, m.x * dx + m.y * dy);
-            let ((p, p_slope), (q, q_slope)) = (normal(d * per_blur), normal(e * per_blur));
-            let (s, t) = (2.0 * p - 1.0, 2.0 * q - 1.0);
+        let (nx, ny, mx, my) = (Lanes::all(n.x), Lanes::all(n.y), Lanes::all(m.x), Lanes::all(m.y));
+        let (x0, y0) = (Lanes::all(fit.crossing.x), Lanes::all(fit.crossing.y));
+        let (per_blur, contrast) = (Lanes::all(1.0 / fit.blur), Lanes::all(fit.contrast));
+        let (mean, right, down) = (Lanes::all(fit.mean), Lanes::all(fit.slope.x), Lanes::all(fit.slope.y));
+        let height = Lanes::all(fit.contrast / fit.blur);
+        let mut products = Products::<{ PARAMETERS + 1 }>::new();
+        for &[x, y, value, weight] in &window.pixels {
+            let (dx, dy) = (x - x0, y - y0);
+            let (d, e) = (nx * dx + ny * dy, mx * dx + my * dy);
+            let ((s, s_slope), (t, t_slope)) = (step(d * per_blur), step(e * per_blur));
             // d(brightness) / d(distance from either edge).
-            let by_d = 2.0 * fit.contrast * p_slope * per_blur * t;
-            let by_e = 2.0 * fit.contrast * q_slope * per_blur * s;
-            let residual = value - fit.mean - fit.slope.x * x - fit.slope.y * y - fit.contrast * s * t;
-            let row = [
-                -by_d * n.x - by_e * m.x,
-                -by_d * n.y - by_e * m.y,
-                by_d * (along_n.x * dx + along_n.y * dy),
-                by_e * (along_m.x * dx + along_m.y * dy),
-                -(by_d * d + by_e * e) * per_blur,
-                1.0,
-                x,
-                y,
-                s * t,
-            ];
-            for (i, line) in matrix.iter_mut().enumerate() {
-                let factor = if i < PARAMETERS { row[i] } else { residual };
-                for (sum, value) in line.iter_mut().zip(&row) {
-                    *sum += factor * value;
-                }
-            }
-            cost += residual * residual;
+            let (by_d, by_e) = (height * s_slope * t * weight, height * t_slope * s * weight);
+            let both = s * t * weight;
+            let residual = (value - mean - right * x - down * y) * weight - contrast * both;
+            products.add(&[
+                -(by_d * nx) - by_e * mx,
+                -(by_d * ny) - by_e * my,
+                // Turning a normal moves it along its edge.
+                by_d * (nx * dy - ny * dx),
+                by_e * (mx * dy - my * dx),
+                -((by_d * d + by_e * e) * per_blur),
+                weight,
+                x * weight,
+                y * weight,
+                both,
+                residual,
+            ]);
         }
-        Self { matrix, cost }
+        Self {
+            matrix: SMatrix::from_fn(|i, j| products.sum(i, j)),
+            right: SVector::from_fn(|i, _| products.sum(PARAMETERS, i)),
+            cost: products.sum(PARAMETERS, PARAMETERS),
+        }
     }
 
     fn step(&self, damping: f64) -> Option<SVector<f64, PARAMETERS>> {
-        let mut matrix = SMatrix::<f64, PARAMETERS, PARAMETERS>::from_fn(|i, j| self.matrix[i][j]);
+        let mut matrix = self.matrix;
         for i in 0..PARAMETERS {
             matrix[(i, i)] *= 1.0 + damping;
         }
-        let right = SVector::<f64, PARAMETERS>::from(self.matrix[PARAMETERS]);
-        matrix.cholesky().map(|cholesky| cholesky.solve(&right))
+        matrix.cholesky().map(|cholesky| cholesky.solve(&self.right))
     }
 }
 

@@ -12,7 +12,7 @@
 //! neighbouring edges, and a, b, c (offset, turn, bend by lens distortion), dark, light and the blur σ are
 //! estimated for every edge. A corner is where two neighbouring edges intersect.
 
-use super::step::normal;
+use super::step::{Lanes, Products, normal, step};
 use crate::calibration::grey::Grey;
 use nalgebra::{Matrix6, Vector2, Vector6};
 
@@ -24,6 +24,9 @@ const LEAST_BLUR_PX: f64 = 0.25;
 
 /// Pixels are used where the neighbouring edges leave this share of the dark: 1.6 σ away from them.
 const CLEAR_OF_CORNERS: f64 = 0.95;
+
+/// A pixel differs from the fitted step by less than this share of the step, root mean square.
+const NOISE_SHARE: f64 = 0.4;
 
 /// Widest half band around an edge, pixels: three standard deviations of the strongest blur (2 px) that
 /// still leaves a usable photo.
@@ -102,8 +105,8 @@ struct Sample {
 
 /// Locates the corners of one square.
 ///
-/// - `start`: refined corners, clockwise from any of them, pixels of `image`.
-/// - `start_scale`: pixels of `image` per pixel in which the refined corners were found.
+/// - `start`: corners of the outline, clockwise from any of them, pixels of `image`.
+/// - `start_scale`: pixels of `image` per pixel in which the outline was found.
 /// - `gap`: distance to the neighbouring square in sides; the search never reaches it.
 ///
 /// Returns the corners in the same order, or `None` when an edge is not a clean step from light to dark.
@@ -126,10 +129,10 @@ pub(super) fn sharp(
         let before = edges.clone();
         for k in 0..4 {
             let (previous, next) = (&before[(k + 3) % 4], &before[(k + 1) % 4]);
-            // The first search reaches over the refined corner's error, later ones just over the blur.
+            // The first search reaches over the start's error, later ones just over the blur.
             // Shading and clutter farther out would pass for blur and draw the search on: hence the bound.
-            let reach = if round == 0 { 4.0 } else { (3.0 * before[k].blur + 0.75).min(WIDEST_BAND_PX) };
-            let reach = if round == 0 { reach * start_scale } else { reach };
+            let reach = (3.0 * before[k].blur + 0.75).min(WIDEST_BAND_PX);
+            let reach = if round == 0 { 3.0 + start_scale } else { reach };
             let samples = collect(image, &before[k], previous, next, reach.min(limit));
             edges[k] = fit(&before[k], &samples, round == 0)?;
         }
@@ -150,7 +153,7 @@ pub(super) fn sharp(
             (edge.dark, edge.light) = (edges[k].dark, edges[k].light);
             edges[k] = edge;
         }
-        if round > 0 && moved < 1e-2 {
+        if round > 0 && moved < 0.1 {
             break;
         }
     }
@@ -183,7 +186,7 @@ fn collect(image: &Grey, edge: &Edge, previous: &Edge, next: &Edge, reach: f64) 
             for other in [previous, next] {
                 let z = other.distance(p) / other.blur;
                 if z < 3.5 {
-                    kept *= normal(z).0;
+                    kept *= normal(z);
                 }
             }
             // The product of two steps is exact for a right angle only, and real corners are rounded.
@@ -202,11 +205,37 @@ fn collect(image: &Grey, edge: &Edge, previous: &Edge, next: &Edge, reach: f64) 
     samples
 }
 
-/// Normal equations of one edge: a, b, c, dark, light, blur.
+/// Four samples.
+struct Block {
+    across: Lanes,
+    station: Lanes,
+    value: Lanes,
+    kept: Lanes,
+    /// Zero for those that only fill up the last block.
+    weight: Lanes,
+}
+
+/// Every `stride`th sample, in fours.
+fn blocks(samples: &[Sample], stride: usize) -> Vec<Block> {
+    let used: Vec<&Sample> = samples.iter().step_by(stride).collect();
+    let block = |four: &[&Sample]| {
+        let lanes =
+            |f: fn(&Sample) -> f64| Lanes(std::array::from_fn(|k| four.get(k).map_or(0.0, |s| f(s) as f32)));
+        Block {
+            across: lanes(|s| s.across),
+            station: lanes(|s| s.station),
+            value: lanes(|s| s.value),
+            kept: lanes(|s| s.kept),
+            weight: lanes(|_| 1.0),
+        }
+    };
+    used.chunks(4).map(block).collect()
+}
+
+/// Normal equations of one edge.
 struct Equations {
-    /// Lower triangle of JᵀJ.
-    matrix: [[f64; 6]; 6],
-    right: [f64; 6],
+    matrix: Matrix6<f64>,
+    right: Vector6<f64>,
     /// Mean square difference of a pixel from the step.
     mean_square: f64,
     /// What is minimised: the pixels' share and that of the prior knowledge of the bend.
@@ -215,46 +244,54 @@ struct Equations {
 
 impl Equations {
     /// `None` when the dark side is not the darker one.
-    fn new(edge: &Edge, samples: &[Sample], curvature_std: f64) -> Option<Self> {
+    fn new(edge: &Edge, blocks: &[Block], curvature_std: f64) -> Option<Self> {
         let contrast = edge.light - edge.dark;
         if contrast.is_nan() || contrast <= 0.0 {
             return None;
         }
-        let mut matrix = [[0.0; 6]; 6];
-        let mut right = [0.0; 6];
-        let mut sum = 0.0;
-        for s in samples {
-            let bend = s.station * s.station - 1.0 / 3.0;
-            let z = (s.across - edge.offset(s.station)) / edge.blur;
-            let (inside, density) = normal(z);
-            let covered = inside * s.kept;
-            let residual = s.value - (edge.light - contrast * covered);
-            // d(value)/d(offset) = contrast · kept · density / blur.
-            let by_offset = contrast * s.kept * density / edge.blur;
-            let row =
-                [by_offset, by_offset * s.station, by_offset * bend, covered, 1.0 - covered, by_offset * z];
-            for i in 0..6 {
-                for j in 0..=i {
-                    matrix[i][j] += row[i] * row[j];
-                }
-                right[i] += row[i] * residual;
-            }
-            sum += residual * residual;
+        let [a, b, c] = edge.shape.map(Lanes::all);
+        let (one, half, third) = (Lanes::all(1.0), Lanes::all(0.5), Lanes::all(1.0 / 3.0));
+        let (per_blur, light, height) =
+            (Lanes::all(1.0 / edge.blur), Lanes::all(edge.light), Lanes::all(contrast));
+        // d(value)/d(offset) = contrast · kept · density / blur.
+        let slope = Lanes::all(0.5 * contrast / edge.blur);
+        let mut products = Products::<7>::new();
+        for block in blocks {
+            let s = block.station;
+            let bend = s * s - third;
+            let z = (block.across - a - b * s - c * bend) * per_blur;
+            let (inside, density) = step(z);
+            let covered = (inside * half + half) * block.kept;
+            let residual = (block.value - light + height * covered) * block.weight;
+            let by_offset = slope * block.kept * density * block.weight;
+            products.add(&[
+                by_offset,
+                by_offset * s,
+                by_offset * bend,
+                covered * block.weight,
+                (one - covered) * block.weight,
+                by_offset * z,
+                residual,
+            ]);
         }
+        let mut matrix = Matrix6::from_fn(|i, j| products.sum(i, j));
+        let mut right = Vector6::from_fn(|i, _| products.sum(6, i));
+        let (sum, count) = (products.sum(6, 6), blocks.iter().map(|b| b.weight.sum()).sum::<f64>());
         // What is known of the bend before looking, weighed against pixels that fit the step to 2 % of its
         // height, as photos do.
         let prior = (0.02 * contrast / curvature_std).powi(2);
-        matrix[2][2] += prior;
+        matrix[(2, 2)] += prior;
         right[2] -= prior * edge.shape[2];
         let cost = sum + prior * edge.shape[2].powi(2);
-        Some(Self { matrix, right, mean_square: sum / samples.len() as f64, cost })
+        Some(Self { matrix, right, mean_square: sum / count, cost })
     }
 
     fn solve(&self, damping: f64) -> Option<Vector6<f64>> {
-        let matrix = Matrix6::from_fn(|i, j| {
-            self.matrix[i.max(j)][i.min(j)] * if i == j { 1.0 + damping } else { 1.0 }
-        });
-        matrix.cholesky().map(|cholesky| cholesky.solve(&Vector6::from(self.right)))
+        let mut matrix = self.matrix;
+        for i in 0..6 {
+            matrix[(i, i)] *= 1.0 + damping;
+        }
+        matrix.cholesky().map(|cholesky| cholesky.solve(&self.right))
     }
 }
 
@@ -262,7 +299,7 @@ impl Equations {
 fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
     const STEPS: usize = 12;
     // Steps shrink a hundredfold and more from one to the next: the last one leaves far less than this.
-    let tolerance_px = if from_scratch { 5e-2 } else { 5e-3 };
+    let tolerance_px = if from_scratch { 1e-1 } else { 2e-2 };
     let mut edge = *start;
     if samples.len() < 20 {
         return None;
@@ -280,8 +317,10 @@ fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
         edge.dark = mean(&|s| s.across > 1.5).or_else(|| mean(&|s| s.across > 0.0))?;
         edge.light = mean(&|s| s.across < -1.5).or_else(|| mean(&|s| s.across < 0.0))?;
     }
+    // The first fit only has to bring the next one close.
+    let blocks = blocks(samples, if from_scratch && samples.len() > 120 { 3 } else { 1 });
     let curvature_std = CURVATURE_STD * edge.half_length * edge.half_length * 0.5;
-    let (mut equations, mut damping) = (Equations::new(&edge, samples, curvature_std)?, 1e-3);
+    let (mut equations, mut damping) = (Equations::new(&edge, &blocks, curvature_std)?, 1e-3);
     for _ in 0..STEPS {
         let step = equations.solve(damping)?;
         let mut next = edge;
@@ -293,7 +332,7 @@ fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
         next.blur = (edge.blur + step[5]).max(LEAST_BLUR_PX);
         // On an edge along a pixel row that is sharper than a pixel, position and blur show in one row of
         // pixels only: undamped steps would run away.
-        match Equations::new(&next, samples, curvature_std) {
+        match Equations::new(&next, &blocks, curvature_std) {
             Some(there) if there.cost <= equations.cost => {
                 (edge, equations, damping) = (next, there, 0.1 * damping);
                 if step.iter().take(3).all(|v| v.abs() < tolerance_px) {
@@ -305,7 +344,8 @@ fn fit(start: &Edge, samples: &[Sample], from_scratch: bool) -> Option<Edge> {
     }
     // The band must reach past the blur, and the step must explain what is seen in it.
     let contrast = edge.light - edge.dark;
-    let clean = equations.mean_square.sqrt() < 0.2 * contrast && edge.blur < 0.35 * edge.half_length.max(4.0);
+    let clean =
+        equations.mean_square.sqrt() < NOISE_SHARE * contrast && edge.blur < 0.35 * edge.half_length.max(4.0);
     clean.then_some(edge)
 }
 

@@ -8,6 +8,7 @@ pub(super) use agreement::{agreeing, vertical_step};
 
 use super::areas::{Area, dark_areas};
 use super::quads::{Quad, four_sides};
+use super::{DetectError, GridError, LatticeError};
 use crate::calibration::grey::Grey;
 use crate::calibration::target::Dictionary;
 use mask::{Look, dark_mask};
@@ -58,13 +59,27 @@ pub(super) struct Found {
     pub mirrored: usize,
 }
 
+impl Found {
+    /// The markers; an error when there are none, or when most can be read in a mirror only. Some markers look
+    /// like others there.
+    pub fn readable(&self, what: &'static str) -> Result<&[Tag], DetectError> {
+        if self.mirrored > 1 && self.mirrored > 2 * self.tags.len() {
+            return Err(GridError::Mirrored { what, found: self.mirrored }.into());
+        }
+        if self.tags.is_empty() {
+            return Err(LatticeError::NoLattice { what, single: self.quads }.into());
+        }
+        Ok(&self.tags)
+    }
+}
+
 /// Finds all markers of a dictionary.
 pub(super) fn find_tags(image: &Grey, kind: &Kind) -> Found {
     let reader = Reader::new(kind);
     let smooth = image.smoothed();
     let mut found = Found { tags: Vec::new(), quads: 0, mirrored: 0 };
     for look in Look::ALL {
-        let quads = quads(&smooth, look);
+        let quads = quads(if look.smoothed { &smooth } else { image }, look);
         let mut mirrored = 0;
         for quad in &quads {
             match reader.read(image, &quad.corners) {
@@ -97,10 +112,10 @@ fn keep(tags: &mut Vec<Tag>, tag: Tag) {
 }
 
 /// Dark quadrilaterals.
-fn quads(smooth: &Grey, look: Look) -> Vec<Quad> {
-    let dark = dark_mask(smooth, look);
+fn quads(image: &Grey, look: Look) -> Vec<Quad> {
+    let dark = dark_mask(image, look);
     let most = (MOST_SHARE * dark.len() as f64) as usize;
-    let mut quads: Vec<Quad> = dark_areas(&dark, smooth.width(), 2 * LEAST_SIDE_PX, most)
+    let mut quads: Vec<Quad> = dark_areas(&dark, image.width(), 2 * LEAST_SIDE_PX, most)
         .iter()
         .filter(|area| area.rows.len() >= LEAST_SIDE_PX && area.filled >= LEAST_SIDE_PX * LEAST_SIDE_PX)
         .filter_map(|area| {
@@ -131,7 +146,8 @@ fn outline(area: &Area) -> Vec<Vector2<f64>> {
         points.push(Vector2::new(column, top as f64 - 0.5));
         points.push(Vector2::new(column, bottom as f64 + 0.5));
     }
-    let angle = |p: &Vector2<f64>| f64::atan2(p.y - area.centre.y, p.x - area.centre.x);
-    points.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-    points
+    let angle = |p: Vector2<f64>| (f64::atan2(p.y - area.centre.y, p.x - area.centre.x), p);
+    let mut turned: Vec<(f64, Vector2<f64>)> = points.into_iter().map(angle).collect();
+    turned.sort_by(|a, b| a.0.total_cmp(&b.0));
+    turned.into_iter().map(|(_, p)| p).collect()
 }

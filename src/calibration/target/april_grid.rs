@@ -123,6 +123,10 @@ impl AprilGridTarget {
             TagOrder::FromUpperLeft => (from_first, column),
         })
     }
+    /// The same board with another number of columns, going on without end.
+    pub(in crate::calibration) const fn endless(&self, columns: usize) -> Self {
+        Self { columns, rows: 1000, ..*self }
+    }
     /// Corner of a tag: 0 upper left, 1 upper right, 2 lower right, 3 lower left (modulo 4).
     #[must_use]
     pub fn corner(&self, row: usize, column: usize, corner: usize) -> BoardPoint {

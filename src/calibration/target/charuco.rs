@@ -122,11 +122,10 @@ impl CharucoTarget {
         let column = 2 * (index - self.white_above(row)) + usize::from(!self.is_white(row, 0));
         Some((row, column))
     }
-    /// Row of a marker's square if the board had another number of columns and went on downwards.
-    pub(in crate::calibration) fn row_among(&self, columns: usize, marker: usize) -> usize {
+    /// The same board with another number of columns, going on downwards.
+    pub(in crate::calibration) const fn endless(&self, columns: usize) -> Self {
         // Whether the first square is white depends on the number of rows being even.
-        let endless = Self { columns, rows: 1000 + self.rows % 2, ..*self };
-        endless.place(marker).map_or(0, |(row, _)| row)
+        Self { columns, rows: 1000 + self.rows % 2, ..*self }
     }
     /// Corner of a marker: 0 upper left, 1 upper right, 2 lower right, 3 lower left (modulo 4).
     #[must_use]

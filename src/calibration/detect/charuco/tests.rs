@@ -41,14 +41,82 @@ fn corners_are_found_to_a_thirtieth_of_a_pixel() {
         for turns in [(20.0, -25.0, 4.0), (-30.0, 20.0, 100.0), (0.0, 45.0, 200.0)] {
             let pose = posed(&target, 0.35, (0.0, -0.01), turns);
             let detection = detect(&drawn(&target, &pose, Look::PAPER), &target).unwrap();
-            eprintln!("{turns:?}: {} px missing {:?}", error(&detection, &pose), detection.missing);
+            assert!(detection.missing.is_empty(), "{turns:?}: {:?}", detection.missing);
+            let rms = error(&detection, &pose);
+            assert!(rms < 0.03, "{turns:?}: {rms} px");
         }
     }
 }
 
 #[test]
+fn a_part_of_the_board_is_enough() {
+    let target = board(9, 12, "DICT_5X5_100", false);
+    let pose = posed(&target, 0.17, (0.05, 0.04), (15.0, -20.0, 10.0));
+    let detection = detect(&drawn(&target, &pose, Look::PAPER), &target).unwrap();
+    assert!((LEAST_CORNERS..70).contains(&detection.corners.len()), "{}", detection.corners.len());
+    assert_eq!(detection.missing.len() + detection.corners.len(), 8 * 11);
+    assert!(error(&detection, &pose) < 0.05);
+}
+
+#[test]
+fn squares_are_counted_from_the_numbers() {
+    for target in [five_by_seven(), board(6, 5, "DICT_5X5_100", true), board(6, 8, "DICT_5X5_100", false)] {
+        let pose = posed(&target, 0.35, (0.0, 0.0), (20.0, -15.0, 130.0));
+        let image = drawn(&target, &pose, Look::PAPER);
+        // Whether the number of rows is even decides how the old layout begins.
+        let other = board(target.rows() + 2, 4, target.dictionary().name(), target.legacy());
+        assert_eq!(count(&image, &other), Ok((target.rows(), target.columns())));
+    }
+}
+
+#[test]
+fn what_is_not_the_target_is_said() {
+    let target = board(6, 7, "DICT_4X4_50", false);
+    let image = drawn(&target, &posed(&target, 0.35, (0.0, 0.0), (20.0, -15.0, 5.0)), Look::PAPER);
+    let say = |image: &Grey, target: &CharucoTarget| detect(image, target).unwrap_err().to_string();
+    let other = |rows, columns, legacy| board(rows, columns, "DICT_4X4_50", legacy);
+    assert_eq!(say(&image, &other(6, 9, false)), "found 6 × 7 squares of the declared 6 × 9");
+    assert_eq!(say(&image, &other(4, 7, false)), "found 6 × 7 squares, more than the declared 4 × 7");
+    assert!(say(&image, &other(6, 7, true)).contains("not in the declared layout"));
+    let even = board(6, 8, "DICT_4X4_50", true);
+    let seen = drawn(&even, &posed(&even, 0.35, (0.0, 0.0), (20.0, -15.0, 5.0)), Look::PAPER);
+    assert!(say(&seen, &other(6, 8, false)).contains("not in the declared layout"));
+    let mirrored: Vec<f32> =
+        image.values().chunks_exact(image.width()).flat_map(|row| row.iter().rev().copied()).collect();
+    let mirrored = Grey::new(image.width(), image.height(), mirrored).unwrap();
+    assert!(say(&mirrored, &target).ends_with("the photo is mirrored"));
+    assert!(say(&image, &board(6, 7, "DICT_7X7_50", false)).starts_with("no lattice of markers"));
+}
+
+#[test]
 fn hard_views_are_found_and_never_labelled_wrongly() {
-    let target = five_by_seven();
-    let outcome = hard_renders(&Target::Charuco(target), &[0], 0..60);
-    eprintln!("{outcome:?}");
+    let outcome = hard_renders(&Target::Charuco(five_by_seven()), &[0], 0..60);
+    assert!(outcome.wrong.is_empty() && outcome.found >= 58 && outcome.rms_px < 0.15, "{outcome:?}");
+}
+
+#[test]
+#[ignore = "a thousand views: minutes"]
+fn a_thousand_hard_views() {
+    let outcome = hard_renders(&Target::Charuco(five_by_seven()), &[0], 0..1000);
+    println!("{outcome:?}");
+    assert!(outcome.wrong.is_empty() && outcome.found >= 970 && outcome.rms_px < 0.15, "{outcome:?}");
+}
+
+proptest::proptest! {
+    #[test]
+    fn any_image_is_answered_without_panic(
+        width in 1..70_usize, height in 1..70_usize, seed in 0..u64::MAX, coarse in 1..9_usize,
+    ) {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let blocks: Vec<f32> =
+            (0..70 * 70).map(|_| if random.random_bool(0.5) { 20.0 } else { 230.0 }).collect();
+        let values = (0..width * height)
+            .map(|i| blocks[i / width / coarse * 70 + i % width / coarse] + random.random_range(-9.0..9.0))
+            .collect();
+        let image = Grey::new(width, height, values).unwrap();
+        let target = Target::Charuco(board(4, 4, "DICT_ARUCO_ORIGINAL", true));
+        let _ = crate::calibration::detect(&image, &target);
+        let _ = crate::calibration::count(&image, &target);
+    }
 }

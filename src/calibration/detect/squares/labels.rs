@@ -12,7 +12,9 @@ const NEIGHBOUR_TOLERANCE: f64 = 0.3;
 /// Areas of neighbours differ by less than this factor.
 const AREA_RATIO: f64 = 2.5;
 /// Share of the squares that must be found for the labels to be certain.
-const REQUIRED_SHARE: f64 = 0.75;
+const REQUIRED_SHARE: f64 = 0.5;
+/// Share of each border row and column.
+const BORDER_SHARE: f64 = 0.25;
 
 const SQUARES: &str = "squares";
 const SINGLE: &str = "dark quadrilaterals";
@@ -286,8 +288,9 @@ fn place(
     }
     squares.sort_by_key(|s| (s.row, s.column));
     let expected = target.used_squares();
-    let in_row = |row| squares.iter().filter(|s| s.row == row).count() * 2 >= target.columns();
-    let in_column = |column| squares.iter().filter(|s| s.column == column).count() * 2 >= target.rows();
+    let enough = |count: usize, of: usize| count as f64 >= BORDER_SHARE * of as f64;
+    let in_row = |row| enough(squares.iter().filter(|s| s.row == row).count(), target.columns());
+    let in_column = |column| enough(squares.iter().filter(|s| s.column == column).count(), target.rows());
     let bounded = in_row(0) && in_row(target.rows() - 1) && in_column(0) && in_column(target.columns() - 1);
     if !bounded || (squares.len() as f64) < REQUIRED_SHARE * expected as f64 {
         return Err(LatticeError::Incomplete { what: SQUARES, found: squares.len(), expected });
@@ -391,8 +394,7 @@ mod tests {
         let gone: Vec<_> =
             all(7, 7).into_iter().filter(|&(c, r)| (c, r) != (0, 0) && (c, r) != (6, 6)).collect();
         assert!(see(&gone, None, false, &paper).contains("2 corners"));
-        let sparse: Vec<_> =
-            all(7, 7).into_iter().filter(|&(c, r)| c < 2 || r < 2 || (c + r) % 2 == 0 && c + r < 9).collect();
+        let sparse: Vec<_> = all(7, 7).into_iter().filter(|&(c, r)| c < 2 || r < 2).collect();
         assert!(
             see(&sparse, None, false, &plain).contains("visible"),
             "{}",

@@ -41,7 +41,7 @@ fn the_papers_target_is_found_to_a_thirtieth_of_a_pixel_without_inward_bias() {
         let (sharp, outwards) = errors(&detection, pose, &target, |c| c.sharp);
         assert!(sharp < 0.03, "view {i}: {sharp} px");
         assert!(outwards.abs() < 0.005, "view {i}: {outwards} px outwards");
-        assert!(blunt < 3.0 && refined < 2.0 && sharp < 0.05 * refined, "{blunt} {refined} {sharp}");
+        assert!(blunt < 3.0 && refined < 2.5 && sharp < 0.05 * refined, "{blunt} {refined} {sharp}");
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::plane::{homography, mapped};
 use super::Tag;
 use nalgebra::{Matrix3, Vector2};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Markers tell each other's places up to this far away, in sides.
 const REACH: f64 = 3.0;
@@ -20,35 +20,61 @@ pub(crate) fn agreeing(tags: &[Tag], place: impl Fn(usize) -> Option<[Vector2<f6
         (Some(a), Some(b)) => a.expects(b) && b.expects(a),
         _ => false,
     };
-    let mut group = vec![usize::MAX; tags.len()];
+    let mut left: BTreeSet<usize> = (0..tags.len()).filter(|&at| seen[at].is_some()).collect();
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    for start in 0..tags.len() {
-        if group[start] != usize::MAX || seen[start].is_none() {
-            continue;
-        }
-        group[start] = groups.len();
+    while let Some(start) = left.pop_first() {
         let mut members = vec![start];
-        let mut queue = VecDeque::from([start]);
-        while let Some(at) = queue.pop_front() {
-            for next in 0..tags.len() {
-                if group[next] == usize::MAX && agree(at, next) {
-                    group[next] = groups.len();
-                    members.push(next);
-                    queue.push_back(next);
-                }
-            }
+        let mut next = 0;
+        while next < members.len() {
+            let here = members[next];
+            members.extend(left.extract_if(.., |&other| agree(here, other)));
+            next += 1;
         }
         groups.push(members);
     }
+    groups.sort_by_key(|members| std::cmp::Reverse(members.len()));
+    let mut groups = joined(groups, &seen);
     groups.retain(|members| members.len() > 1);
     groups.iter_mut().for_each(|members| members.sort_unstable());
     groups.sort_by_key(|members| std::cmp::Reverse(members.len()));
     groups
 }
 
+/// Groups that lie apart on one board made one. The largest comes first.
+fn joined(groups: Vec<Vec<usize>>, seen: &[Option<Seen>]) -> Vec<Vec<usize>> {
+    let mut whole: Vec<Vec<usize>> = Vec::new();
+    for group in groups {
+        let fits = |other: &Vec<usize>| {
+            let markers: Vec<&Seen> =
+                other.iter().chain(&group).filter_map(|&at| seen[at].as_ref()).collect();
+            let once = markers.iter().map(|s| s.marker).collect::<BTreeSet<_>>().len() == markers.len();
+            once && one_plane(&markers)
+        };
+        match whole.iter_mut().find(|other| fits(other)) {
+            Some(other) => other.extend(group),
+            None => whole.push(group),
+        }
+    }
+    whole
+}
+
+/// Whether the corners of all markers lie as on the board, to the tolerance.
+fn one_plane(markers: &[&Seen]) -> bool {
+    let pairs: Vec<_> = markers.iter().flat_map(|s| s.pairs).collect();
+    homography(&pairs).is_some_and(|h| {
+        let lies = |s: &&Seen| {
+            let allowed = TOLERANCE * s.side_px;
+            s.pairs.iter().all(|(board, pixel)| (mapped(&h, *board) - pixel).norm() < allowed)
+        };
+        markers.iter().all(lies)
+    })
+}
+
 /// A marker with its place on the board.
 struct Seen {
     marker: usize,
+    /// Corners on the board and in the image.
+    pairs: [(Vector2<f64>, Vector2<f64>); 4],
     image_from_board: Matrix3<f64>,
     /// On the board.
     middle: Vector2<f64>,
@@ -63,6 +89,7 @@ impl Seen {
         let pairs: [_; 4] = std::array::from_fn(|k| (board[k], tag.quad.corners[k]));
         Some(Self {
             marker: tag.marker,
+            pairs,
             image_from_board: homography(&pairs)?,
             middle: board.iter().sum::<Vector2<f64>>() / 4.0,
             side: (board[1] - board[0]).norm(),

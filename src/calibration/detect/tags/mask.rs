@@ -12,25 +12,29 @@ pub(super) struct Look {
     tile: f64,
     /// Dark is below this share of the way from the darkest to the lightest there.
     level: f32,
+    /// Whether noise is smoothed away first; thin gaps between dark areas go with it.
+    pub smoothed: bool,
 }
 
 impl Look {
-    /// Below the middle, at which dark areas that touch at their corners are one: blur makes a saddle there.
-    pub const ALL: [Self; 4] = [
-        Self { tile: 1.0 / 64.0, level: 0.36 },
-        Self { tile: 1.0 / 160.0, level: 0.36 },
-        Self { tile: 1.0 / 64.0, level: 0.24 },
-        Self { tile: 1.0 / 24.0, level: 0.36 },
+    /// At the middle, dark areas that touch at their corners are one, for blur makes a saddle there; below it,
+    /// thin borders break.
+    pub const ALL: [Self; 5] = [
+        Self { tile: 1.0 / 64.0, level: 0.36, smoothed: true },
+        Self { tile: 1.0 / 160.0, level: 0.36, smoothed: true },
+        Self { tile: 1.0 / 64.0, level: 0.24, smoothed: true },
+        Self { tile: 1.0 / 24.0, level: 0.36, smoothed: true },
+        Self { tile: 1.0 / 64.0, level: 0.5, smoothed: false },
     ];
 }
 
 /// True for dark pixels next to light ones. Pixels far from any are not marked, dark or not.
-pub(super) fn dark_mask(smooth: &Grey, look: Look) -> Vec<bool> {
-    let (w, h) = (smooth.width(), smooth.height());
+pub(super) fn dark_mask(image: &Grey, look: Look) -> Vec<bool> {
+    let (w, h) = (image.width(), image.height());
     let tile = ((look.tile * w.max(h) as f64).round() as usize).max(2);
     let (across, down) = (w.div_ceil(tile), h.div_ceil(tile));
     let mut ranges = vec![(f32::INFINITY, f32::NEG_INFINITY); across * down];
-    for (row, line) in smooth.values().chunks_exact(w).enumerate() {
+    for (row, line) in image.values().chunks_exact(w).enumerate() {
         for (range, pixels) in ranges[row / tile * across..].iter_mut().zip(line.chunks(tile)) {
             for &value in pixels {
                 *range = (range.0.min(value), range.1.max(value));
@@ -38,9 +42,9 @@ pub(super) fn dark_mask(smooth: &Grey, look: Look) -> Vec<bool> {
         }
     }
     let ranges = spread(&ranges, across, down);
-    let least = CONTRAST_SHARE * smooth.range();
+    let least = CONTRAST_SHARE * image.range();
     let mut dark = vec![false; w * h];
-    for ((row, out), line) in dark.chunks_exact_mut(w).enumerate().zip(smooth.values().chunks_exact(w)) {
+    for ((row, out), line) in dark.chunks_exact_mut(w).enumerate().zip(image.values().chunks_exact(w)) {
         let ranges = &ranges[row / tile * across..];
         for ((out, pixels), &(low, high)) in out.chunks_mut(tile).zip(line.chunks(tile)).zip(ranges) {
             if high - low > least {

@@ -6,8 +6,11 @@ use crate::calibration::grey::Grey;
 use crate::calibration::target::quarter_turned;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-/// Blur takes from a cell what it gives to its neighbours: this share of the difference is put back.
-const SHARPENING: f64 = 0.6;
+/// Blur takes from a cell what it gives to its neighbours: these multiples of the difference are put back, the
+/// first in photos as they should be, the second where the blur is more than half a cell wide.
+const SHARPENINGS: [f64; 2] = [0.6, 1.6];
+/// The threshold cuts blurred markers smaller than they are: they are read as found, and a little larger.
+const SIZES: [f64; 2] = [1.0, 1.07];
 /// Share of the border's cells that must be dark.
 const DARK_BORDER: f64 = 0.85;
 
@@ -52,27 +55,30 @@ impl<'a> Reader<'a> {
         Self { kind, words, correctable: dictionary.correctable().min(side * side / 9) }
     }
 
-    /// The marker that a quadrilateral is, with the border under which fewest cells are misread.
+    /// The marker that a quadrilateral is, in the reading with the fewest misread cells.
     pub fn read(&self, image: &Grey, corners: &[Vector2<f64>; 4]) -> Option<Read> {
-        let unit = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vector2::new(x, y));
-        let pairs: [_; 4] = std::array::from_fn(|k| (unit[k], corners[k]));
-        let view = View { image, image_from_unit: homography(&pairs)? };
+        let side = self.kind.dictionary.side();
         let mut best: Option<Read> = None;
-        for &border in self.kind.borders {
-            let Some(word) = self.word(&view, border) else {
+        for (size, border) in SIZES.iter().flat_map(|size| self.kind.borders.iter().map(move |b| (*size, *b)))
+        {
+            let Some(cells) = View::new(image, corners, size).and_then(|view| self.cells(&view, border))
+            else {
                 continue;
             };
-            let rank = |read: &Read| match read {
-                Read::Marker { misread, .. } => *misread,
-                Read::Mirrored => usize::MAX,
-            };
-            let read = self
-                .marker(word)
-                .or_else(|| self.marker(mirrored(word, self.kind.dictionary.side())).map(|_| Read::Mirrored));
-            if let Some(read) = read
-                && best.as_ref().is_none_or(|best| rank(&read) < rank(best))
-            {
-                best = Some(read);
+            for sharpening in SHARPENINGS {
+                let word = cells.word(side, border, sharpening);
+                let read = self.marker(word).or_else(|| {
+                    let inverse = self.marker(mirrored(word, side));
+                    inverse.map(|_| Read::Mirrored)
+                });
+                if let Some(read) = read
+                    && best.is_none_or(|best| read.misread() < best.misread())
+                {
+                    best = Some(read);
+                }
+            }
+            if best.is_some_and(|best| best.misread() == 0) {
+                break;
             }
         }
         best
@@ -93,8 +99,8 @@ impl<'a> Reader<'a> {
         Some(Read::Marker { marker, first_corner, misread })
     }
 
-    /// The cells inside a border of so many cells, if what is around them is a dark border in a light surround.
-    fn word(&self, view: &View, border: usize) -> Option<u64> {
+    /// The cells with a border of so many, if what is around them is a dark border in a light surround.
+    fn cells(&self, view: &View, border: usize) -> Option<Cells> {
         let side = self.kind.dictionary.side();
         let total = side + 2 * border;
         let cell = 1.0 / total as f64;
@@ -108,22 +114,47 @@ impl<'a> Reader<'a> {
             }
             *share = (view.cell(middle, cell) - dark) / (light - dark);
         }
-        let inside = |at: usize| {
-            let inner = border..border + side;
-            inner.contains(&(at % total)) && inner.contains(&(at / total))
-        };
-        let around: Vec<bool> =
-            (0..shares.len()).filter(|&at| !inside(at)).map(|at| shares[at] < 0.5).collect();
-        if (around.iter().filter(|dark| **dark).count() as f64) < DARK_BORDER * around.len() as f64 {
-            return None;
+        let inner = border..border + side;
+        let around =
+            (0..shares.len()).filter(|at| !inner.contains(&(at % total)) || !inner.contains(&(at / total)));
+        let (mut dark, mut all) = (0.0, 0.0);
+        for at in around {
+            dark += f64::from(u8::from(shares[at] < 0.5));
+            all += 1.0;
         }
+        (dark >= DARK_BORDER * all).then_some(Cells { shares, total })
+    }
+}
+
+/// Brightness of the cells of a marker and its border, from 0 for black to 1 for white.
+struct Cells {
+    shares: Vec<f64>,
+    total: usize,
+}
+
+impl Cells {
+    /// What the cells inside the border say.
+    fn word(&self, side: usize, border: usize, sharpening: f64) -> u64 {
+        let (shares, total) = (&self.shares, self.total);
         let mut word = 0;
-        for at in (0..shares.len()).filter(|&at| inside(at)) {
-            let neighbours = shares[at - 1] + shares[at + 1] + shares[at - total] + shares[at + total];
-            let sharpened = shares[at] + SHARPENING * (shares[at] - 0.25 * neighbours);
-            word = word << 1 | u64::from(sharpened > 0.5);
+        for row in border..border + side {
+            for at in row * total + border..row * total + border + side {
+                let neighbours = shares[at - 1] + shares[at + 1] + shares[at - total] + shares[at + total];
+                let sharpened = shares[at] + sharpening * (shares[at] - 0.25 * neighbours);
+                word = word << 1 | u64::from(sharpened > 0.5);
+            }
         }
-        Some(word)
+        word
+    }
+}
+
+impl Read {
+    /// Misread cells; more than any marker has when it is mirrored.
+    const fn misread(&self) -> usize {
+        match self {
+            Self::Marker { misread, .. } => *misread,
+            Self::Mirrored => usize::MAX,
+        }
     }
 }
 
@@ -141,7 +172,13 @@ struct View<'a> {
     image_from_unit: Matrix3<f64>,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    fn new(image: &'a Grey, corners: &[Vector2<f64>; 4], size: f64) -> Option<Self> {
+        let unit = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| Vector2::new(x, y));
+        let centre = corners.iter().sum::<Vector2<f64>>() / 4.0;
+        let pairs: [_; 4] = std::array::from_fn(|k| (unit[k], centre + (corners[k] - centre) * size));
+        Some(Self { image, image_from_unit: homography(&pairs)? })
+    }
     /// Brightness at a point of the unit square or around it, bilinear.
     fn at(&self, p: Vector2<f64>) -> f64 {
         let p = mapped(&self.image_from_unit, p);
