@@ -10,9 +10,9 @@ use super::camera::camera_from_parameters;
 use super::context::{RunContext, StageError};
 use super::georeference::failed;
 use crate::calibration::{
-    BoardPoint, Calibration, CalibrationError, Detection, Observation, PhotoQuality, Target, ViewPoints,
+    BoardPoint, Calibration, CalibrationError, Detection, Observation, Options, OutlierPolicy, PhotoQuality, Target, ViewPoints, calibrate_with,
 };
-use crate::camera::{Camera, ImagePoint, Invertibility};
+use crate::camera::{Camera, ImagePoint, Invertibility, PixelRotation};
 use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};
 use crate::config::{Config, Located};
 use crate::formats::InputError;
@@ -72,6 +72,14 @@ pub struct TargetPhoto {
     pub detection: Detection,
     /// How well it shows them.
     pub quality: PhotoQuality,
+    /// How its stored pixels were turned; the corners are where the sensor saw them.
+    pub rotation: PixelRotation,
+}
+
+impl TargetPhoto {
+    fn view(&self) -> ViewPoints {
+        ViewPoints { name: file_name(&self.file), observations: self.detection.observations() }
+    }
 }
 
 /// A photo that is not used.
@@ -253,24 +261,30 @@ fn from_photos(
     declared: &TargetPhotos,
     context: &RunContext,
 ) -> Result<Calibrated, StageError> {
-    let looked = photos::look_at_all(config, declared, context)?;
-    let views: Vec<ViewPoints> = looked
-        .used
-        .iter()
-        .map(|photo| ViewPoints {
-            name: file_name(&photo.file),
-            observations: photo.detection.observations(),
-        })
-        .collect();
-    let (width, height) = looked.size_px;
+    let mut looked = photos::look_at_all(config, declared, context)?;
+    let (width, height) = (looked.size_px.0 as u32, looked.size_px.1 as u32);
     let adjusting = context.task("adjusting the camera", 1);
-    let fitted = fit(&views, width as u32, height as u32, declared.model, true)
-        .map_err(|e| refused(&e, config, &declared.patterns))?;
+    let fit_all = |photos: &[TargetPhoto]| {
+        let views: Vec<ViewPoints> = photos.iter().map(TargetPhoto::view).collect();
+        fit(&views, width, height, declared.model, true).map_err(|e| refused(&e, config, &declared.patterns))
+    };
+    let mut fitted = fit_all(&looked.used)?;
+    if !looked.turned.is_empty() {
+        turn_back(&mut looked, &fitted.calibration);
+        fitted = fit_all(&looked.used)?;
+    }
     drop(adjusting);
     let mut made = Calibrated::estimated(fitted, "photos", config)?;
     for photo in looked.used.iter().filter(|photo| !photo.detection.missing.is_empty()) {
         let (missing, unit) = (photo.detection.missing.len(), looked.target.unit());
         made.notes.push(format!("{}: {missing} {unit} of the target are not seen", file_name(&photo.file)));
+    }
+    for photo in looked.used.iter().filter(|photo| photo.rotation != PixelRotation::None) {
+        made.notes.push(format!(
+            "{}: its pixels were turned by {}° clockwise after the photo was taken; its corners were turned back",
+            file_name(&photo.file),
+            photo.rotation.degrees()
+        ));
     }
     made.inputs.extend(looked.files);
     Ok(Calibrated {
@@ -279,6 +293,46 @@ fn from_photos(
         rejected: looked.rejected,
         ..made
     })
+}
+
+/// Finds out which way each turned photo was turned: added to the others it must fit as they do one way and not the
+/// other. Photos that do not tell are left out.
+fn turn_back(looked: &mut photos::Looked, calibration: &Calibration) {
+    /// A turn is taken when the other fits so much worse, and it fits not much worse than the others.
+    const APART: f64 = 1.5;
+    const LIKE_THE_OTHERS: f64 = 3.0;
+    let (width, height) = (looked.size_px.0 as u32, looked.size_px.1 as u32);
+    let options = Options { model: calibration.model, outliers: OutlierPolicy::Keep };
+    let upright: Vec<ViewPoints> = looked.used.iter().map(TargetPhoto::view).collect();
+    for photo in std::mem::take(&mut looked.turned) {
+        let [mut best, other] = [PixelRotation::Clockwise90, PixelRotation::Clockwise270].map(|rotation| {
+            let photo = photos::turned_back(&photo, rotation, looked.size_px);
+            let mut views = upright.clone();
+            views.push(photo.view());
+            let fitted = calibrate_with(&views, width, height, options).ok();
+            let rms_px = fitted.and_then(|c| c.views.last().map(|view| view.rms_px)).unwrap_or(f64::INFINITY);
+            (rms_px, photo)
+        });
+        let mut worse_px = other.0;
+        if other.0 < best.0 {
+            worse_px = best.0;
+            best = other;
+        }
+        if best.0 < LIKE_THE_OTHERS * calibration.rms_px && worse_px > APART * best.0 {
+            looked.used.push(best.1);
+        } else {
+            let reason = "its pixels were turned by a quarter after the photo was taken, or it is another camera's, and \
+                          its corners do not tell which way: give it as the camera stored it";
+            looked.rejected.push(RejectedPhoto {
+                file: file_name(&photo.file),
+                path: photo.file,
+                reason: reason.to_owned(),
+                detection: Some(photo.detection),
+            });
+        }
+    }
+    looked.used.sort_by(|a, b| a.file.cmp(&b.file));
+    looked.rejected.sort_by(|a, b| a.file.cmp(&b.file));
 }
 
 fn from_corners(

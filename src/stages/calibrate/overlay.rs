@@ -25,8 +25,7 @@ pub(super) enum Marks<'a> {
 }
 
 /// PNG of the photo, reduced where it is large, with a small white rectangle outlined in red around every point.
-pub(super) fn draw(photo: Image8, marks: &Marks) -> Result<Vec<u8>, StageError> {
-    let photo = rgb(photo)?;
+pub(super) fn draw(photo: RgbImage, marks: &Marks) -> Result<Vec<u8>, StageError> {
     let scale = f64::from(MOST_PX) / f64::from(photo.width().max(photo.height()));
     let (mut picture, scale) = if scale < 1.0 {
         let size = |px: u32| ((f64::from(px) * scale).round() as u32).max(1);
@@ -56,9 +55,8 @@ pub(super) fn draw(photo: Image8, marks: &Marks) -> Result<Vec<u8>, StageError> 
 /// final ones as red crosses.
 ///
 /// - `corners`: the four of one square or tag, or the points around one cell.
-pub(super) fn three_steps(photo: Image8, corners: &[DetectedCorner]) -> Result<Vec<u8>, StageError> {
+pub(super) fn three_steps(photo: RgbImage, corners: &[DetectedCorner]) -> Result<Vec<u8>, StageError> {
     const PICTURE_PX: f64 = 720.0;
-    let photo = rgb(photo)?;
     let around = |value: &dyn Fn(&DetectedCorner) -> f64| {
         let (low, high) = corners
             .iter()
@@ -98,7 +96,8 @@ fn bug() -> StageError {
     StageError::new(ErrorClass::Bug, "the overlay cannot be drawn")
 }
 
-fn rgb(photo: Image8) -> Result<RgbImage, StageError> {
+/// The photo as an image to draw on.
+pub(super) fn rgb(photo: Image8) -> Result<RgbImage, StageError> {
     let (width, height) = (photo.width() as u32, photo.height() as u32);
     RgbImage::from_raw(width, height, photo.into_rgb().samples().to_vec()).ok_or_else(bug)
 }

@@ -2,6 +2,7 @@
 
 use super::{RejectedPhoto, TargetPhoto, file_name};
 use crate::calibration::{Detection, Grey, PhotoQuality, Target, count, detect, photo_faults, photo_quality};
+use crate::camera::{ImagePoint, PixelRotation};
 use crate::config::Config;
 use crate::config::calibrate::TargetPhotos;
 use crate::formats::{files, photo};
@@ -24,6 +25,8 @@ pub(super) struct Looked {
     pub size_px: (usize, usize),
     /// Photos to calibrate from.
     pub used: Vec<TargetPhoto>,
+    /// Photos as high as those are wide: their pixels may have been turned by a quarter.
+    pub turned: Vec<TargetPhoto>,
     /// The others.
     pub rejected: Vec<RejectedPhoto>,
     /// All files.
@@ -55,6 +58,7 @@ pub(super) fn look_at_all(
         counted,
         size_px: common_size(&seen),
         used: Vec::new(),
+        turned: Vec::new(),
         rejected: Vec::new(),
         files: found.clone(),
     };
@@ -62,7 +66,11 @@ pub(super) fn look_at_all(
         let name = file_name(&file);
         let (reason, detection) = match seen {
             Ok((size, detection, quality)) if size == looked.size_px => {
-                looked.used.push(TargetPhoto { file, detection, quality });
+                looked.used.push(TargetPhoto { file, detection, quality, rotation: PixelRotation::None });
+                continue;
+            }
+            Ok(((height, width), detection, quality)) if (width, height) == looked.size_px => {
+                looked.turned.push(TargetPhoto { file, detection, quality, rotation: PixelRotation::None });
                 continue;
             }
             Ok((size, detection, _)) => (other_size(size, looked.size_px), Some(detection)),
@@ -148,15 +156,23 @@ fn common_size(seen: &[Seen]) -> (usize, usize) {
     votes.into_iter().find(|(_, count)| *count == most).map_or((0, 0), |(size, _)| size)
 }
 
-fn other_size((width, height): (usize, usize), common: (usize, usize)) -> String {
-    let (w, h) = common;
-    let turned = if (height, width) == common {
-        "; its pixels were turned by a quarter after the photo was taken, or it is another camera's: give it as the \
-         camera stored it"
-    } else {
-        ": another camera, another mode or a cut-out"
-    };
-    format!("is {width} × {height} px where most photos are {w} × {h} px{turned}")
+fn other_size((width, height): (usize, usize), (w, h): (usize, usize)) -> String {
+    format!(
+        "is {width} × {height} px where most photos are {w} × {h} px: another camera, another mode or a cut-out"
+    )
+}
+
+/// A photo whose stored pixels were turned, with its points where the camera's sensor saw them.
+pub(super) fn turned_back(photo: &TargetPhoto, rotation: PixelRotation, size_px: (usize, usize)) -> TargetPhoto {
+    let (width, height) = (size_px.0 as u32, size_px.1 as u32);
+    let back = |p: ImagePoint| rotation.sensor_from_stored(p, width, height);
+    let mut detection = photo.detection.clone();
+    for corner in &mut detection.corners {
+        corner.blunt = back(corner.blunt);
+        corner.refined = back(corner.refined);
+        corner.sharp = back(corner.sharp);
+    }
+    TargetPhoto { detection, rotation, ..photo.clone() }
 }
 
 fn leave_out_faulty(looked: &mut Looked) {

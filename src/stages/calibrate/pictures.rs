@@ -3,6 +3,7 @@
 use super::overlay::{self, Marks};
 use super::{Calibrated, STEPS_PICTURE, file_name, numbers, worst_view};
 use crate::calibration::{Calibration, DetectedCorner, UncertaintyMap, projection_uncertainty};
+use crate::camera::PixelRotation;
 use crate::formats::photo;
 use crate::report::Figure;
 use crate::report::calibration::UncertaintyNumbers;
@@ -10,6 +11,7 @@ use crate::report::figures::{Panel, contour_panels};
 use crate::report::lens_figures::{ResidualVector, coverage, residual_vectors};
 use crate::report::numbers::FigureFile;
 use crate::stages::context::{ErrorClass, RunContext, StageError};
+use image::RgbImage;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -72,8 +74,8 @@ pub(super) fn write(
     context: &RunContext,
 ) -> Result<Vec<FigureFile>, StageError> {
     write_overlays(made, calibration, context)?;
-    if let Some((file, corners)) = example(made) {
-        let picture = decode(file)?;
+    if let Some((file, rotation, corners)) = example(made) {
+        let picture = decode(file, rotation)?;
         context.write_product(STEPS_PICTURE, &overlay::three_steps(picture, &corners)?)?;
     }
     let camera = &calibration.camera;
@@ -141,8 +143,16 @@ pub(super) fn write(
         .collect()
 }
 
-fn decode(file: &Path) -> Result<crate::raster::Image8, StageError> {
-    photo::decode(file).map_err(|e| StageError::input(e.to_string()))
+/// The photo as the camera's sensor saw it.
+fn decode(file: &Path, rotation: PixelRotation) -> Result<RgbImage, StageError> {
+    let photo = photo::decode(file).map_err(|e| StageError::input(e.to_string()))?;
+    let stored = overlay::rgb(photo)?;
+    Ok(match rotation {
+        PixelRotation::None => stored,
+        PixelRotation::Clockwise90 => image::imageops::rotate270(&stored),
+        PixelRotation::Half => image::imageops::rotate180(&stored),
+        PixelRotation::Clockwise270 => image::imageops::rotate90(&stored),
+    })
 }
 
 /// One overlay per photo in which the target was found, used or not.
@@ -153,15 +163,15 @@ fn write_overlays(
 ) -> Result<(), StageError> {
     let task = context.task("drawing overlays", made.photos.len() + made.rejected.len());
     let used = made.photos.iter().zip(&calibration.views);
-    let used = used.map(|(photo, view)| (&photo.file, Marks::Predicted(&view.points)));
+    let used = used.map(|(photo, view)| (&photo.file, photo.rotation, Marks::Predicted(&view.points)));
     let rejected = made.rejected.iter().filter_map(|photo| {
         let detection = photo.detection.as_ref()?;
-        Some((&photo.path, Marks::Found(&detection.corners)))
+        Some((&photo.path, PixelRotation::None, Marks::Found(&detection.corners)))
     });
     let all: Vec<_> = used.chain(rejected).collect();
-    all.par_iter().try_for_each(|(file, marks)| {
+    all.par_iter().try_for_each(|(file, rotation, marks)| {
         context.check_interrupted()?;
-        let picture = overlay::draw(decode(file)?, marks)?;
+        let picture = overlay::draw(decode(file, *rotation)?, marks)?;
         context.write_product(&numbers::overlay_name(&file_name(file)), &picture)?;
         task.advance(1);
         Ok(())
@@ -175,7 +185,7 @@ pub(super) fn shown_overlay(made: &Calibrated, calibration: &Calibration) -> Opt
 
 /// Points whose three estimates are shown: those of one square or tag, or of the first cell of the lattice, of the
 /// photo that shows them largest.
-fn example(made: &Calibrated) -> Option<(&Path, Vec<DetectedCorner>)> {
+fn example(made: &Calibrated) -> Option<(&Path, PixelRotation, Vec<DetectedCorner>)> {
     let largest =
         made.photos.iter().max_by(|a, b| a.quality.extent_share.total_cmp(&b.quality.extent_share))?;
     let corners = &largest.detection.corners;
@@ -183,7 +193,7 @@ fn example(made: &Calibrated) -> Option<(&Path, Vec<DetectedCorner>)> {
     let of_square: Vec<DetectedCorner> =
         corners.iter().filter(|c| (c.row, c.column) == (middle.row, middle.column)).copied().collect();
     if of_square.len() == 4 {
-        return Some((&largest.file, of_square));
+        return Some((&largest.file, largest.rotation, of_square));
     }
     // Clockwise around one cell.
     let at = |row, column| corners.iter().find(|c| (c.row, c.column) == (row, column)).copied();
@@ -191,5 +201,5 @@ fn example(made: &Calibrated) -> Option<(&Path, Vec<DetectedCorner>)> {
         let (r, k) = (c.row, c.column);
         [Some(*c), at(r, k + 1), at(r + 1, k + 1), at(r + 1, k)].into_iter().collect::<Option<Vec<_>>>()
     };
-    corners.iter().find_map(cell).map(|corners| (largest.file.as_path(), corners))
+    corners.iter().find_map(cell).map(|corners| (largest.file.as_path(), largest.rotation, corners))
 }
