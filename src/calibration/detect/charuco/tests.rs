@@ -99,7 +99,7 @@ fn hard_views_are_found_and_never_labelled_wrongly() {
 fn a_thousand_hard_views() {
     let outcome = hard_renders(&Target::Charuco(five_by_seven()), &[0], 0..1000);
     println!("{outcome:?}");
-    assert!(outcome.wrong.is_empty() && outcome.found >= 970 && outcome.rms_px < 0.15, "{outcome:?}");
+    assert!(outcome.wrong.is_empty() && outcome.found >= 960 && outcome.rms_px < 0.15, "{outcome:?}");
 }
 
 proptest::proptest! {

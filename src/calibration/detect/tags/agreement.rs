@@ -27,7 +27,9 @@ pub(crate) fn agreeing(tags: &[Tag], place: impl Fn(usize) -> Option<[Vector2<f6
         let mut next = 0;
         while next < members.len() {
             let here = members[next];
-            members.extend(left.extract_if(.., |&other| agree(here, other)));
+            let beside: Vec<usize> = left.iter().copied().filter(|&other| agree(here, other)).collect();
+            left.retain(|other| !beside.contains(other));
+            members.extend(beside);
             next += 1;
         }
         groups.push(members);
