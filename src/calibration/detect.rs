@@ -76,9 +76,9 @@ pub struct DetectedCorner {
     pub board: BoardPoint,
     /// See [`Observation::growth`].
     pub growth: BoardPoint,
-    /// First estimate: from the bounding box.
+    /// First estimate: from the bounding box; of an inner corner the pixel of the strongest response.
     pub blunt: ImagePoint,
-    /// Second estimate: strongest Harris response, or centroid.
+    /// Second estimate: strongest Harris response, or centroid; of an inner corner where a ring meets its edges.
     pub refined: ImagePoint,
     /// Final estimate: from the edges.
     pub sharp: ImagePoint,

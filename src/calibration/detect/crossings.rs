@@ -166,13 +166,21 @@ impl Ring {
             let (sin, cos) = (turns * TURN).sin_cos();
             centre + RING_PX * Vector2::new(cos, sin)
         };
+        let range = |values: &[f32]| {
+            values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)))
+        };
+        // Most saddles are noise: eight samples tell.
+        let few: [f32; 8] = std::array::from_fn(|i| image.between(point((i * RING_SAMPLES / 8) as f64)));
+        let (low, high) = range(&few);
+        if high - low < 0.5 * least_contrast {
+            return None;
+        }
         let raw: [f32; RING_SAMPLES] = std::array::from_fn(|i| image.between(point(i as f64)));
         let values: [f32; RING_SAMPLES] = std::array::from_fn(|i| {
             let (before, after) = (raw[(i + RING_SAMPLES - 1) % RING_SAMPLES], raw[(i + 1) % RING_SAMPLES]);
             0.25 * (before + 2.0 * raw[i] + after)
         });
-        let (low, high) =
-            values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)));
+        let (low, high) = range(&values);
         let contrast = high - low;
         if contrast < least_contrast || contrast <= 0.0 {
             return None;

@@ -22,8 +22,10 @@ const CURVATURE_STD: f64 = 3e-4;
 /// A smaller blur than this (a box one pixel wide has 0.29 px) cannot be told from it.
 const LEAST_BLUR_PX: f64 = 0.25;
 
-/// Pixels are used where the neighbouring edges leave this share of the dark: 1.6 σ away from them.
-const CLEAR_OF_CORNERS: f64 = 0.95;
+/// Pixels are used so many σ away from the neighbouring edges, where those leave 95 % of the dark.
+const CLEAR_OF_CORNERS: f64 = 1.64;
+/// And from here on all of it.
+const FAR_FROM_CORNERS: f64 = 3.5;
 
 /// A pixel differs from the fitted step by less than this share of the step, root mean square.
 const NOISE_SHARE: f64 = 0.4;
@@ -182,17 +184,13 @@ fn collect(image: &Grey, edge: &Edge, previous: &Edge, next: &Edge, reach: f64) 
             if station.abs() > 1.05 || edge.distance(p).abs() > reach {
                 continue;
             }
-            let mut kept = 1.0;
-            for other in [previous, next] {
-                let z = other.distance(p) / other.blur;
-                if z < 3.5 {
-                    kept *= normal(z);
-                }
-            }
+            let others = [previous, next].map(|other| other.distance(p) / other.blur);
             // The product of two steps is exact for a right angle only, and real corners are rounded.
-            if kept < CLEAR_OF_CORNERS {
+            if others.iter().any(|z| *z < CLEAR_OF_CORNERS) {
                 continue;
             }
+            let near = others.into_iter().filter(|z| *z < FAR_FROM_CORNERS);
+            let kept = near.map(normal).product();
             samples.push(Sample {
                 across: edge.inwards.dot(&(p - edge.middle)),
                 station,

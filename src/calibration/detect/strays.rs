@@ -62,26 +62,25 @@ fn misses(corners: &[DetectedCorner], span: usize) -> Vec<Option<(f64, f64)>> {
     for (i, corner) in corners.iter().enumerate() {
         places.entry((corner.row, corner.column)).or_default().push(i);
     }
-    let mut near = Vec::new();
-    corners
-        .iter()
-        .map(|corner| {
-            near.clear();
-            for row in corner.row.saturating_sub(span)..=corner.row + span {
-                let columns = (row, corner.column.saturating_sub(span))..=(row, corner.column + span);
-                for (place, members) in places.range(columns) {
-                    // Not the other corners of the same square: what covers one moves the others.
-                    if *place != (corner.row, corner.column) {
-                        near.extend(members.iter().map(|&i| &corners[i]));
-                    }
-                }
-            }
-            let expected = expected(corner, &near)?;
-            let here = pixel(corner);
+    let neighbours = |corner: &DetectedCorner, span: usize| -> Vec<&DetectedCorner> {
+        let (row, column) = (corner.row, corner.column);
+        (row.saturating_sub(span)..=row + span)
+            .flat_map(|r| places.range((r, column.saturating_sub(span))..=(r, column + span)))
+            // Not the other corners of the same square: what covers one moves the others.
+            .filter(|&(place, _)| *place != (row, column))
+            .flat_map(|(_, members)| members.iter().map(|&i| &corners[i]))
+            .collect()
+    };
+    let miss = |corner: &DetectedCorner| {
+        // Where much is hidden, neighbours farther away must do.
+        (span..=span + 2).find_map(|span| {
+            let near = neighbours(corner, span);
+            let (here, expected) = (pixel(corner), expected(corner, &near)?);
             let pitch = near.iter().map(|c| (pixel(c) - here).norm()).fold(f64::INFINITY, f64::min);
             Some(((expected - here).norm(), pitch))
         })
-        .collect()
+    };
+    corners.iter().map(miss).collect()
 }
 
 fn pixel(corner: &DetectedCorner) -> Vector2<f64> {

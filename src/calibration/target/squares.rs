@@ -10,7 +10,7 @@ pub enum Marker {
     /// the board's frame, not the camera's parameters.
     None,
     /// The upper left square is hollow (light inside a black outline) or left out. Its corners are not
-    /// used for calibration.
+    /// used for calibration. With as many rows as columns a mirrored photo cannot be told from a turned one.
     UpperLeft,
 }
 

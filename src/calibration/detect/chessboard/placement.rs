@@ -39,10 +39,10 @@ pub(super) fn place(
         let first = labels.iter().min_by_key(|&(&(row, column), _)| (row + column, row));
         let from_upper_left = first.map_or(f64::INFINITY, |(_, &index)| crossings[index].saddle.norm());
         let rank = (!is_black_first(cells, block, turn), from_upper_left);
-        if best
-            .as_ref()
-            .is_none_or(|(so_far, _)| rank.0 < so_far.0 || rank.0 == so_far.0 && rank.1 < so_far.1)
-        {
+        let is_better = |(so_far, _): &((bool, f64), Labels)| {
+            rank.0.cmp(&so_far.0).then(rank.1.total_cmp(&so_far.1)).is_lt()
+        };
+        if best.as_ref().is_none_or(is_better) {
             best = Some((rank, labels));
         }
     }

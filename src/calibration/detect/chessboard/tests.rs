@@ -149,7 +149,16 @@ fn large_photos_are_searched_reduced_and_located_in_full() {
 #[test]
 fn hard_renders_are_found_and_labelled_rightly() {
     let outcome = hard_renders(&Target::Chessboard(board(6, 9)), &[0], 0..60);
-    assert!(outcome.found >= 59 && outcome.wrong.len() <= 1, "{outcome:?}");
+    assert!(outcome.found >= 59 && outcome.wrong.is_empty() && outcome.rms_px < 0.1, "{outcome:?}");
+}
+
+#[test]
+#[ignore = "a thousand photos take minutes"]
+fn a_thousand_hard_renders_are_found_and_labelled_rightly() {
+    for (rows, columns, turns) in [(6, 9, &[0][..]), (5, 5, &[0, 1, 2, 3])] {
+        let outcome = hard_renders(&Target::Chessboard(board(rows, columns)), turns, 1000..2000);
+        assert!(outcome.found >= 990 && outcome.wrong.len() <= 1, "{rows} × {columns}: {outcome:?}");
+    }
 }
 
 proptest::proptest! {
