@@ -75,6 +75,7 @@ impl Grey {
     }
 
     /// Bilinear between the four pixels around a point, the nearest ones for points outside.
+    #[inline]
     pub(super) fn between(&self, p: Vector2<f64>) -> f32 {
         let x = (p.x as f32).clamp(0.0, (self.width - 1) as f32);
         let y = (p.y as f32).clamp(0.0, (self.height - 1) as f32);

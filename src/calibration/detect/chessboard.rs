@@ -22,7 +22,7 @@ use nalgebra::Vector2;
 use placement::{Labels, place};
 
 /// Photos are searched at about this size first.
-const SEARCH_SIZE_PX: usize = 800;
+const SEARCH_SIZE_PX: usize = 600;
 /// A photo reduced to less than this shows no board.
 const LEAST_SEARCH_PX: usize = 160;
 /// A crossing is located within this share of the distance to the next edge.

@@ -15,6 +15,8 @@ pub(super) const FRAME_PX: usize = 4;
 /// Radius of the ring, px: between the blur and the next crossing.
 const RING_PX: f64 = 4.0;
 const RING_SAMPLES: usize = 32;
+/// Angle between neighbouring samples.
+const TURN: f64 = std::f64::consts::TAU / RING_SAMPLES as f64;
 /// Light minus dark on the ring as a share of the photo's brightness range.
 const CONTRAST_SHARE: f32 = 0.04;
 
@@ -34,10 +36,59 @@ pub(super) struct Crossing {
 /// All crossings in a smoothed photo, the strongest first.
 pub(super) fn find(smooth: &Grey) -> Vec<Crossing> {
     let least = CONTRAST_SHARE * smooth.range();
-    let crossings = peaks(smooth)
+    let ring = offsets();
+    peaks(smooth)
         .into_iter()
-        .filter_map(|(column, row)| crossing(smooth, Vector2::new(column as f64, row as f64), least));
-    crossings.collect()
+        .filter(|&(column, row)| is_four_sided(smooth, column, row))
+        .filter_map(|(column, row)| crossing(smooth, Vector2::new(column as f64, row as f64), least, &ring))
+        .collect()
+}
+
+/// Whether opposite places on a circle are more alike than places a quarter apart: true of crossings, false of
+/// edges, corners and most noise. Sixteen pixels tell it before the ring is looked at closely.
+///
+/// # Source
+/// Bennett and Lasenby (2014), "ChESS – Quick and Robust Detection of Chess-board Features": sum and difference
+/// responses.
+fn is_four_sided(image: &Grey, column: usize, row: usize) -> bool {
+    const CIRCLE: [(isize, isize); 16] = [
+        (4, 0),
+        (4, 2),
+        (3, 3),
+        (2, 4),
+        (0, 4),
+        (-2, 4),
+        (-3, 3),
+        (-4, 2),
+        (-4, 0),
+        (-4, -2),
+        (-3, -3),
+        (-2, -4),
+        (0, -4),
+        (2, -4),
+        (3, -3),
+        (4, -2),
+    ];
+    // No peak is nearer to the frame than the circle is wide.
+    let (w, values) = (image.width() as isize, image.values());
+    let at = |k: usize| values[((row as isize + CIRCLE[k].1) * w + column as isize + CIRCLE[k].0) as usize];
+    let circle: [f32; 16] = std::array::from_fn(at);
+    let (mut quarters, mut halves) = (0.0, 0.0);
+    for k in 0..4 {
+        quarters += (circle[k] + circle[k + 8] - circle[k + 4] - circle[k + 12]).abs();
+        halves += (circle[k] - circle[k + 8]).abs() + (circle[k + 4] - circle[k + 12]).abs();
+    }
+    quarters > halves
+}
+
+/// Directions of the ring's samples, clockwise as seen, times its radius.
+type Offsets = [Vector2<f64>; RING_SAMPLES];
+
+fn offsets() -> Offsets {
+    std::array::from_fn(|i| {
+        let (sin, cos) = (i as f64 * TURN).sin_cos();
+        RING_PX * Vector2::new(cos, sin)
+    })
 }
 
 /// The crossing near a place where one is expected, within `reach` px.
@@ -58,7 +109,7 @@ pub(super) fn near(smooth: &Grey, place: Vector2<f64>, reach: f64, least_contras
         }
     }
     let (_, peak) = best.filter(|&(strength, _)| strength > 0.0)?;
-    crossing(smooth, peak, least_contrast)
+    crossing(smooth, peak, least_contrast, &offsets())
 }
 
 fn is_inside(image: &Grey, column: isize, row: isize) -> bool {
@@ -137,11 +188,16 @@ fn peaks(image: &Grey) -> Vec<(usize, usize)> {
 
 /// The crossing around a saddle, from where two rings meet its edges; the second ring lies about the crossing of
 /// the chords of the first.
-fn crossing(image: &Grey, peak: Vector2<f64>, least_contrast: f32) -> Option<Crossing> {
+fn crossing(
+    image: &Grey,
+    peak: Vector2<f64>,
+    least_contrast: f32,
+    ring: &Offsets,
+) -> Option<Crossing> {
     const FARTHEST_PX: f64 = 2.5;
-    let first = Ring::new(image, peak, least_contrast)?;
+    let first = Ring::new(image, peak, least_contrast, ring)?;
     let place = first.chords_meet().filter(|place| (place - peak).norm() < FARTHEST_PX)?;
-    let ring = Ring::new(image, place, least_contrast)?;
+    let ring = Ring::new(image, place, least_contrast, ring)?;
     let saddle = ring.chords_meet().filter(|saddle| (saddle - place).norm() < 0.5 * FARTHEST_PX)?;
     let arms = ring.points.map(|p| (p - saddle).normalize());
     // Opposite arms are one edge, bent by 30° at most; neighbours are 20° or more apart.
@@ -159,8 +215,7 @@ struct Ring {
 
 impl Ring {
     /// `None` when brightness along the ring does not change sides four times, alike at opposite places.
-    fn new(image: &Grey, centre: Vector2<f64>, least_contrast: f32) -> Option<Self> {
-        const TURN: f64 = std::f64::consts::TAU / RING_SAMPLES as f64;
+    fn new(image: &Grey, centre: Vector2<f64>, least_contrast: f32, ring: &Offsets) -> Option<Self> {
         const HALF: usize = RING_SAMPLES / 2;
         let point = |turns: f64| {
             let (sin, cos) = (turns * TURN).sin_cos();
@@ -170,12 +225,12 @@ impl Ring {
             values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |m, v| (m.0.min(*v), m.1.max(*v)))
         };
         // Most saddles are noise: eight samples tell.
-        let few: [f32; 8] = std::array::from_fn(|i| image.between(point((i * RING_SAMPLES / 8) as f64)));
+        let few: [f32; 8] = std::array::from_fn(|i| image.between(centre + ring[i * RING_SAMPLES / 8]));
         let (low, high) = range(&few);
         if high - low < 0.5 * least_contrast {
             return None;
         }
-        let raw: [f32; RING_SAMPLES] = std::array::from_fn(|i| image.between(point(i as f64)));
+        let raw: [f32; RING_SAMPLES] = std::array::from_fn(|i| image.between(centre + ring[i]));
         let values: [f32; RING_SAMPLES] = std::array::from_fn(|i| {
             let (before, after) = (raw[(i + RING_SAMPLES - 1) % RING_SAMPLES], raw[(i + 1) % RING_SAMPLES]);
             0.25 * (before + 2.0 * raw[i] + after)

@@ -51,6 +51,7 @@ impl Neg for Lanes {
 ///
 /// # Source
 /// Abramowitz and Stegun, 7.1.28.
+#[inline]
 pub(super) fn step(z: Lanes) -> (Lanes, Lanes) {
     const A: [f64; 6] = [
         0.070_523_078_4,
@@ -77,6 +78,7 @@ pub(super) fn step(z: Lanes) -> (Lanes, Lanes) {
 }
 
 /// Normal distribution function.
+#[inline]
 pub(super) fn normal(z: f64) -> f64 {
     0.5 + 0.5 * f64::from(step(Lanes::all(z)).0.0[0])
 }

@@ -22,7 +22,7 @@ pub(super) fn without_strays(corners: &mut Vec<DetectedCorner>, span: usize) -> 
     let mut removed = BTreeSet::new();
     for _ in 0..ROUNDS {
         let misses = misses(corners, span);
-        let mut sorted: Vec<f64> = misses.iter().flatten().map(|m| m.0).collect();
+        let mut sorted: Vec<f64> = misses.iter().flatten().map(|m| m.px / m.reach).collect();
         if sorted.is_empty() {
             break;
         }
@@ -31,8 +31,8 @@ pub(super) fn without_strays(corners: &mut Vec<DetectedCorner>, span: usize) -> 
         // A stray point spoils its neighbours' predictions: of those around it only the worst goes at once.
         let mut strays = BTreeMap::new();
         for (corner, miss) in corners.iter().zip(&misses) {
-            if let Some((miss, pitch)) = *miss {
-                let excess = miss / usual.max(LEAST_PX).max(SHARE_OF_PITCH * pitch);
+            if let Some(Miss { px, pitch, reach }) = *miss {
+                let excess = px / (reach * usual.max(LEAST_PX).max(SHARE_OF_PITCH * pitch));
                 let worst = strays.entry((corner.row, corner.column)).or_insert(0.0_f64);
                 *worst = worst.max(excess);
             }
@@ -56,8 +56,19 @@ pub(super) fn without_strays(corners: &mut Vec<DetectedCorner>, span: usize) -> 
     removed.into_iter().collect()
 }
 
-/// Distance of each point from where its neighbours expect it, and to the nearest of them; px.
-fn misses(corners: &[DetectedCorner], span: usize) -> Vec<Option<(f64, f64)>> {
+/// How far a point is from where its neighbours expect it.
+#[derive(Clone, Copy)]
+struct Miss {
+    /// That distance, px.
+    px: f64,
+    /// Distance to the nearest neighbour, px.
+    pitch: f64,
+    /// How far the expectation reaches beyond the neighbours: 1 among them; more at the board's border and most at
+    /// its corners, where what the surface cannot follow grows with the same factor.
+    reach: f64,
+}
+
+fn misses(corners: &[DetectedCorner], span: usize) -> Vec<Option<Miss>> {
     let mut places = BTreeMap::<(usize, usize), Vec<usize>>::new();
     for (i, corner) in corners.iter().enumerate() {
         places.entry((corner.row, corner.column)).or_default().push(i);
@@ -75,9 +86,10 @@ fn misses(corners: &[DetectedCorner], span: usize) -> Vec<Option<(f64, f64)>> {
         // Where much is hidden, neighbours farther away must do.
         (span..=span + 2).find_map(|span| {
             let near = neighbours(corner, span);
-            let (here, expected) = (pixel(corner), expected(corner, &near)?);
+            let here = pixel(corner);
+            let (expected, reach) = expected(corner, &near)?;
             let pitch = near.iter().map(|c| (pixel(c) - here).norm()).fold(f64::INFINITY, f64::min);
-            Some(((expected - here).norm(), pitch))
+            Some(Miss { px: (expected - here).norm(), pitch, reach })
         })
     };
     corners.iter().map(miss).collect()
@@ -87,8 +99,8 @@ fn pixel(corner: &DetectedCorner) -> Vector2<f64> {
     Vector2::new(corner.sharp.column, corner.sharp.row)
 }
 
-/// Second order surface through the neighbours, at the point.
-fn expected(corner: &DetectedCorner, near: &[&DetectedCorner]) -> Option<Vector2<f64>> {
+/// Second order surface through the neighbours, at the point, and its reach: see [`Miss`].
+fn expected(corner: &DetectedCorner, near: &[&DetectedCorner]) -> Option<(Vector2<f64>, f64)> {
     if near.len() < LEAST_NEIGHBOURS {
         return None;
     }
@@ -108,5 +120,8 @@ fn expected(corner: &DetectedCorner, near: &[&DetectedCorner]) -> Option<Vector2
     // Neighbours in one line do not span a surface.
     let scale = 1e-9 * near.len() as f64;
     let cholesky = matrix.cholesky().filter(|c| c.l().diagonal().iter().all(|d| d * d > scale))?;
-    Some(Vector2::new(cholesky.solve(&right[0])[0], cholesky.solve(&right[1])[0]))
+    // Variance of the expectation in units of a neighbour's: the leverage, below 1 among the neighbours.
+    let leverage = cholesky.solve(&Vector6::x())[0];
+    let at = Vector2::new(cholesky.solve(&right[0])[0], cholesky.solve(&right[1])[0]);
+    Some((at, 1.0 + leverage))
 }
