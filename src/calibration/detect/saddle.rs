@@ -14,8 +14,11 @@ use nalgebra::{SMatrix, SVector, Vector2};
 
 /// Crossing, two edge angles, blur, mean, slope across and down, contrast.
 const PARAMETERS: usize = 9;
-/// Wider windows gain little and see the lens bend the edges.
-const WIDEST_REACH_PX: f64 = 7.5;
+/// Windows of sharp photos: wider ones gain little and see the lens bend the edges.
+const USUAL_REACH_PX: f64 = 7.5;
+/// Windows of blurred photos reach over so many standard deviations of the blur.
+const REACH_BLURS: f64 = 5.5;
+const WIDEST_REACH_PX: f64 = 12.0;
 /// Half a pixel's diagonal is unavoidable.
 const OFF_CENTRE_PX: f64 = 1.0;
 
@@ -46,15 +49,15 @@ pub(super) fn refine(
     edges: [Vector2<f64>; 2],
     reach: f64,
 ) -> Option<Saddle> {
-    let reach = reach.min(WIDEST_REACH_PX);
-    let window = Window::new(image, start, reach)?;
+    let window = Window::new(image, start, reach.min(USUAL_REACH_PX))?;
     let mut saddle = settle(Fit::start(&window, start, edges)?, &window)?;
+    let wanted = reach.min((REACH_BLURS * saddle.fit.blur).clamp(USUAL_REACH_PX, WIDEST_REACH_PX));
     // A window that is not symmetric about the crossing shows more of one field than of the opposite one.
-    if saddle.fit.crossing.norm() > OFF_CENTRE_PX {
-        let recentred = Window::new(image, saddle.pixel, reach)?;
-        saddle = settle(saddle.fit.seen_from(recentred.centre - window.centre), &recentred)?;
+    if saddle.fit.crossing.norm() > OFF_CENTRE_PX || wanted > window.reach + 0.5 {
+        let better = Window::new(image, saddle.pixel, wanted)?;
+        saddle = settle(saddle.fit.seen_from(better.centre - window.centre), &better)?;
     }
-    ((saddle.pixel - start).norm() < 0.5 * reach + 0.5).then_some(saddle)
+    ((saddle.pixel - start).norm() < 0.5 * window.reach + 0.5).then_some(saddle)
 }
 
 /// Levenberg–Marquardt from a start.
