@@ -10,7 +10,8 @@ use super::camera::camera_from_parameters;
 use super::context::{RunContext, StageError};
 use super::georeference::failed;
 use crate::calibration::{
-    BoardPoint, Calibration, CalibrationError, Detection, Observation, Options, OutlierPolicy, PhotoQuality, Target, ViewPoints, calibrate_with,
+    BoardPoint, Calibration, CalibrationError, Detection, Observation, Options, OutlierPolicy, PhotoQuality,
+    Target, ViewPoints, calibrate_with,
 };
 use crate::camera::{Camera, ImagePoint, Invertibility, PixelRotation};
 use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};

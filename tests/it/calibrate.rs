@@ -242,7 +242,9 @@ fn photos_of_another_size_and_repeated_ones_are_left_out_with_the_reason() {
     // The turned one is turned back: the sensor's corner is where the photo as stored had it.
     assert_eq!(made.photos.len(), 4);
     assert_eq!(made.photos[3].rotation.degrees(), 90);
-    assert!(made.notes.iter().any(|note| note.contains("target_05.png: its pixels were turned by 90° clockwise")));
+    assert!(
+        made.notes.iter().any(|note| note.contains("target_05.png: its pixels were turned by 90° clockwise"))
+    );
     let stored = calibrated(&demo(), &text).unwrap();
     let first = |made: &Calibrated| made.photos[3].detection.corners[0].sharp;
     let (turned, upright) = (first(&made), first(&stored));

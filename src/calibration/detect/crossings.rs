@@ -188,12 +188,7 @@ fn peaks(image: &Grey) -> Vec<(usize, usize)> {
 
 /// The crossing around a saddle, from where two rings meet its edges; the second ring lies about the crossing of
 /// the chords of the first.
-fn crossing(
-    image: &Grey,
-    peak: Vector2<f64>,
-    least_contrast: f32,
-    ring: &Offsets,
-) -> Option<Crossing> {
+fn crossing(image: &Grey, peak: Vector2<f64>, least_contrast: f32, ring: &Offsets) -> Option<Crossing> {
     const FARTHEST_PX: f64 = 2.5;
     let first = Ring::new(image, peak, least_contrast, ring)?;
     let place = first.chords_meet().filter(|place| (place - peak).norm() < FARTHEST_PX)?;

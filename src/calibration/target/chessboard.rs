@@ -8,6 +8,7 @@ use super::{BoardPoint, Ink, STILL, Shape, TargetError, TargetPoint, checked_len
 /// With an odd number of inner corners in one direction and an even one in the other the board has a single
 /// upright position. Otherwise turning it by half (two odd or two even numbers), or by a quarter (equal
 /// numbers), changes nothing: then the corner that the image's upper left is nearest to is the first one.
+/// A mirrored photo shows a board too: views are assumed not mirrored. Whole rows and columns must be in view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChessboardTarget {
     rows: usize,

@@ -163,7 +163,11 @@ fn other_size((width, height): (usize, usize), (w, h): (usize, usize)) -> String
 }
 
 /// A photo whose stored pixels were turned, with its points where the camera's sensor saw them.
-pub(super) fn turned_back(photo: &TargetPhoto, rotation: PixelRotation, size_px: (usize, usize)) -> TargetPhoto {
+pub(super) fn turned_back(
+    photo: &TargetPhoto,
+    rotation: PixelRotation,
+    size_px: (usize, usize),
+) -> TargetPhoto {
     let (width, height) = (size_px.0 as u32, size_px.1 as u32);
     let back = |p: ImagePoint| rotation.sensor_from_stored(p, width, height);
     let mut detection = photo.detection.clone();
