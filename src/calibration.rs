@@ -26,6 +26,7 @@ pub use grey::{Grey, GreyError};
 pub use product::{Calibration, PointResidual, Support, View, ViewPoints};
 pub use solve::{CalibrationError, Lens, LensModel, calibrate};
 pub use target::{
-    Board, BoardPoint, ChessboardTarget, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError, TargetPoint,
+    Board, BoardPoint, ChessboardTarget, Ink, Marker, Observation, Shape, SquaresTarget, Target, TargetError,
+    TargetPoint,
 };
 pub use zhang::{ClosedForm, StartError};
