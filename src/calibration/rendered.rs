@@ -3,7 +3,7 @@
 pub(super) mod hard;
 mod print;
 
-pub(super) use hard::hard_renders;
+pub(super) use hard::{hard_renders, hard_seeds};
 
 use super::grey::Grey;
 use super::target::{BoardPoint, Observation, SquaresTarget, Target, TargetPoint};

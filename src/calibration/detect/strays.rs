@@ -120,8 +120,8 @@ fn expected(corner: &DetectedCorner, near: &[&DetectedCorner]) -> Option<(Vector
     // Neighbours in one line do not span a surface.
     let scale = 1e-9 * near.len() as f64;
     let cholesky = matrix.cholesky().filter(|c| c.l().diagonal().iter().all(|d| d * d > scale))?;
-    // Variance of the expectation in units of a neighbour's: the leverage, below 1 among the neighbours.
+    // Variance of the miss in units of a neighbour's: one and the leverage, which is small among the neighbours.
     let leverage = cholesky.solve(&Vector6::x())[0];
     let at = Vector2::new(cholesky.solve(&right[0])[0], cholesky.solve(&right[1])[0]);
-    Some((at, 1.0 + leverage))
+    Some((at, (1.0 + leverage).sqrt()))
 }

@@ -31,6 +31,20 @@ pub(in crate::calibration) struct Outcome {
     pub rms_px: f64,
 }
 
+/// Seeds of so many views; of as many as `BORESIGHT_HARD_VIEWS` says when it is set, for a thorough look:
+/// `BORESIGHT_HARD_VIEWS=1000 cargo test --release hard_views` takes minutes.
+pub(in crate::calibration) fn hard_seeds(usual: u64) -> Range<u64> {
+    let asked = std::env::var("BORESIGHT_HARD_VIEWS").ok().and_then(|count| count.parse().ok());
+    0..asked.unwrap_or(usual)
+}
+
+impl Outcome {
+    /// Whether the target was found in this share of the views, and nowhere wrongly.
+    pub fn is_found_in(&self, share: f64, seeds: &Range<u64>) -> bool {
+        self.found as f64 >= share * (seeds.end - seeds.start) as f64 && self.wrong.is_empty()
+    }
+}
+
 /// Looks for a target in the views of many seeds.
 ///
 /// - `turns`: quarter turns of the board that cannot be told apart; the best of them counts.
