@@ -22,7 +22,7 @@ use nalgebra::Vector2;
 use placement::{Labels, place};
 
 /// Photos are searched at about this size first.
-const SEARCH_SIZE_PX: usize = 600;
+const SEARCH_SIZE_PX: usize = 400;
 /// A photo reduced to less than this shows no board.
 const LEAST_SEARCH_PX: usize = 160;
 /// A crossing is located within this share of the distance to the next edge.
@@ -90,10 +90,9 @@ impl Search {
 fn factors(image: &Grey) -> Vec<usize> {
     let longest = image.width().max(image.height());
     let first = longest.div_ceil(SEARCH_SIZE_PX);
-    let mut factors = vec![first];
-    if first > 1 {
-        factors.push(first / 2);
-    }
+    // Twice and four times as fine for boards that are small in the photo, coarser for blurred ones.
+    let mut factors = vec![first, first.div_ceil(2), first.div_ceil(4)];
+    factors.dedup();
     if longest / (2 * first) >= LEAST_SEARCH_PX {
         factors.push(2 * first);
     }
