@@ -1,7 +1,10 @@
 //! Any image, any target: an answer or a refusal, in bounded time and memory, without a panic.
 #![no_main]
 
-use boresight::calibration::{ChessboardTarget, Grey, Marker, SquaresTarget, Target, count, detect, photo_quality};
+use boresight::calibration::{
+    AprilGridTarget, CharucoTarget, ChessboardTarget, CircleLayout, CirclesTarget, Dictionary, Grey, Marker, SquaresTarget,
+    TagPrint, Target, count, detect, photo_quality,
+};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -18,10 +21,18 @@ fuzz_target!(|bytes: &[u8]| {
         .collect();
     let Ok(image) = Grey::new(wide, high, values) else { return };
     let (rows, columns) = (usize::from(*rows % 12), usize::from(*columns % 12));
-    let marker = if kind & 1 == 0 { Marker::None } else { Marker::UpperLeft };
-    let target = match kind / 2 % 2 {
-        0 => SquaresTarget::new(rows, columns, 1.0, 0.5 + f64::from(kind / 4) / 64.0, marker).map(Target::Squares),
-        _ => ChessboardTarget::new(rows, columns, 1.0).map(Target::Chessboard),
+    let share = 0.2 + f64::from(kind / 6) / 64.0;
+    let circles = |layout| CirclesTarget::new(rows, columns, 1.0, share, layout).map(Target::Circles);
+    let target = match kind % 6 {
+        0 => SquaresTarget::new(rows, columns, 1.0, share, Marker::None).map(Target::Squares),
+        1 => SquaresTarget::new(rows, columns, 1.0, share, Marker::UpperLeft).map(Target::Squares),
+        2 => ChessboardTarget::new(rows, columns, 1.0).map(Target::Chessboard),
+        3 => circles(if kind / 6 % 2 == 0 { CircleLayout::Symmetric } else { CircleLayout::Asymmetric }),
+        4 => AprilGridTarget::new(rows, columns, 1.0, share, TagPrint::kalibr()).map(Target::AprilGrid),
+        _ => {
+            let Some(dictionary) = Dictionary::named("DICT_4X4_50") else { return };
+            CharucoTarget::new(rows, columns, 1.0, 0.7, dictionary, 0, kind / 6 % 2 == 1).map(Target::Charuco)
+        }
     };
     let Ok(target) = target else { return };
     let _ = count(&image, &target);

@@ -25,6 +25,9 @@ use rayon::prelude::*;
 /// Photos from which on each can be held out.
 const CROSS_VALIDATED: usize = 4;
 
+/// Points that a photo needs to be judged: half of them place it.
+const LEAST_POINTS: usize = 12;
+
 /// The most parts that the photos are dealt into.
 const MOST_FOLDS: usize = 10;
 
@@ -100,7 +103,8 @@ pub fn compare(
         .collect();
     let kept = kept_points(&fitted, views);
     let folds = views.len().min(MOST_FOLDS);
-    let judgement = if views.len() >= CROSS_VALIDATED {
+    let judged_by = kept.iter().filter(|kept| kept.iter().filter(|k| **k).count() >= LEAST_POINTS).count();
+    let judgement = if judged_by >= CROSS_VALIDATED {
         Judgement::CrossValidation { folds }
     } else {
         Judgement::Information
@@ -213,7 +217,6 @@ impl Set<'_> {
         whole: &Calibration,
         view: usize,
     ) -> Option<Result<f64, CalibrationError>> {
-        const LEAST_POINTS: usize = 12;
         /// Of points without noise: rounding is nothing to choose by.
         const EXACT_PX2: f64 = 1e-16;
         let sights: Vec<Sight> = self.trimmed(view).observations.iter().map(Sight::of).collect();

@@ -212,6 +212,15 @@ impl Target {
             Self::Chessboard(_) => "inner corners",
         }
     }
+    /// Side of its squares or tags, metres, for targets whose points are their corners.
+    #[must_use]
+    pub const fn side_m(&self) -> Option<f64> {
+        match self {
+            Self::Squares(t) => Some(t.side_m()),
+            Self::AprilGrid(t) => Some(t.tag_m()),
+            Self::Chessboard(_) | Self::Charuco(_) | Self::Circles(_) => None,
+        }
+    }
     /// Rows and columns of [`Self::unit`].
     #[must_use]
     pub const fn size(&self) -> (usize, usize) {

@@ -235,7 +235,8 @@ pub enum LensChoice {
 pub struct ModelSpec {
     /// The lens. Default "auto".
     pub lens: LensChoice,
-    /// Whether skew is estimated. Default: true for "brown5", false for the other lenses; "auto" compares both.
+    /// Whether skew is estimated. Default: true for "brown5", false for the other lenses; "auto" compares
+    /// Brown's five terms with and without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skew: Option<bool>,
     /// Ratio fx / fy where it is known, for example 1.0; both are estimated when left out.

@@ -11,7 +11,7 @@ use super::context::{RunContext, StageError};
 use super::georeference::failed;
 use crate::calibration::{
     BoardPoint, Calibration, CalibrationError, Detection, Observation, Options, OutlierPolicy, PhotoQuality,
-    Target, ViewPoints, calibrate_with,
+    Target, ViewPoints, advice, calibrate_with,
 };
 use crate::camera::{Camera, ImagePoint, Invertibility, PixelRotation};
 use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};
@@ -221,7 +221,7 @@ impl Calibrated {
         }
     }
 
-    fn estimated(fitted: Fitted, method: &str, config: &Config) -> Result<Self, StageError> {
+    fn estimated(fitted: Fitted, method: &str, reference: Option<Camera>, config: &Config) -> Self {
         let calibration = fitted.calibration;
         let source = json!({
             "method": method,
@@ -232,11 +232,7 @@ impl Calibrated {
             "sigma0_px": calibration.sigma0_px,
             "supported_ideal_radius": finite(calibration.support.max_ideal_radius),
         });
-        let reference = config.calibrate.reference.as_ref();
-        let reference = reference
-            .map(|file| read_camera(file).map_err(|e| failed(config, e.caused_by(file))))
-            .transpose()?;
-        Ok(Self {
+        Self {
             calibration: Some(calibration.clone()),
             choice: fitted.choice,
             notes: notes(&calibration),
@@ -245,7 +241,7 @@ impl Calibrated {
             reference,
             report_height_m: config.calibrate.report_height_m,
             ..Self::given(calibration.camera, source)
-        })
+        }
     }
 }
 
@@ -262,23 +258,28 @@ fn from_photos(
     declared: &TargetPhotos,
     context: &RunContext,
 ) -> Result<Calibrated, StageError> {
+    let reference = reference(config)?;
     let mut looked = photos::look_at_all(config, declared, context)?;
     let (width, height) = (looked.size_px.0 as u32, looked.size_px.1 as u32);
     let adjusting = context.task("adjusting the camera", 1);
     let fit_all = |photos: &[TargetPhoto]| {
         let views: Vec<ViewPoints> = photos.iter().map(TargetPhoto::view).collect();
-        fit(&views, width, height, declared.model, true).map_err(|e| refused(&e, config, &declared.patterns))
+        fit(&views, width, height, declared.model, true)
+            .map_err(|e| refused(&e, (&views, width, height), config, &declared.patterns))
     };
     let mut fitted = fit_all(&looked.used)?;
     if !looked.turned.is_empty() {
         turn_back(&mut looked, &fitted.calibration);
+        photos::leave_out_faulty(&mut looked);
         fitted = fit_all(&looked.used)?;
     }
     drop(adjusting);
-    let mut made = Calibrated::estimated(fitted, "photos", config)?;
+    looked.rejected.sort_by(|a, b| a.file.cmp(&b.file));
+    let mut made = Calibrated::estimated(fitted, "photos", reference, config);
+    made.notes.extend(size_note(&looked.target, made.calibration.as_ref()));
     for photo in looked.used.iter().filter(|photo| !photo.detection.missing.is_empty()) {
         let (missing, unit) = (photo.detection.missing.len(), looked.target.unit());
-        made.notes.push(format!("{}: {missing} {unit} of the target are not seen", file_name(&photo.file)));
+        made.notes.push(format!("{}: {missing} of the target's {unit} not seen", file_name(&photo.file)));
     }
     for photo in looked.used.iter().filter(|photo| photo.rotation != PixelRotation::None) {
         made.notes.push(format!(
@@ -293,6 +294,23 @@ fn from_photos(
         photos: looked.used,
         rejected: looked.rejected,
         ..made
+    })
+}
+
+/// Squares that look much larger or smaller than declared are no matter of ink: a length is wrong.
+fn size_note(target: &Target, calibration: Option<&Calibration>) -> Option<String> {
+    const INK_SHARE: f64 = 0.04;
+    let side_m = target.side_m()?;
+    let excess = calibration?.board.side_excess_m?;
+    let share = excess.value / side_m;
+    (share.abs() > INK_SHARE && excess.is_significant()).then(|| {
+        format!(
+            "what is printed dark looks {:.2} mm ({:.0} %) {} than declared: [calibrate.target]'s side and gap contradict \
+             the photos; measure both",
+            1e3 * excess.value.abs(),
+            100.0 * share.abs(),
+            if share > 0.0 { "larger" } else { "smaller" }
+        )
     })
 }
 
@@ -333,7 +351,6 @@ fn turn_back(looked: &mut photos::Looked, calibration: &Calibration) {
         }
     }
     looked.used.sort_by(|a, b| a.file.cmp(&b.file));
-    looked.rejected.sort_by(|a, b| a.file.cmp(&b.file));
 }
 
 fn from_corners(
@@ -342,6 +359,7 @@ fn from_corners(
     context: &RunContext,
 ) -> Result<Calibrated, StageError> {
     let at = |e: InputError, key: &Located<PathBuf>| failed(config, e.caused_by(key));
+    let reference = reference(config)?;
     let board = read_pairs(&declared.model_file).map_err(|e| at(e, &declared.model_file))?;
     let shift = declared.pixel_origin.offset_to_centre_px();
     let mut views = Vec::with_capacity(declared.views.len());
@@ -367,17 +385,34 @@ fn from_corners(
     let (width, height) = (declared.image_width_px, declared.image_height_px);
     let adjusting = context.task("adjusting the camera", 1);
     let fitted = fit(&views, width, height, declared.model, false)
-        .map_err(|e| refused(&e, config, &declared.model_file))?;
+        .map_err(|e| refused(&e, (&views, width, height), config, &declared.model_file))?;
     drop(adjusting);
-    let mut made = Calibrated::estimated(fitted, "corners", config)?;
+    let mut made = Calibrated::estimated(fitted, "corners", reference, config);
     made.inputs.push(declared.model_file.value.clone());
     made.inputs.extend(declared.views.iter().map(|file| file.value.clone()));
     Ok(made)
 }
 
-fn refused<T>(error: &CalibrationError, config: &Config, key: &Located<T>) -> StageError {
-    StageError::input(error.to_string()).at(config.at(key)).help(error.help())
+fn refused<T>(
+    error: &CalibrationError,
+    (views, width, height): (&[ViewPoints], u32, u32),
+    config: &Config,
+    key: &Located<T>,
+) -> StageError {
+    let failure = StageError::input(error.to_string()).at(config.at(key)).help(error.help());
+    advice(views, width, height, None)
+        .iter()
+        .fold(failure, |failure, advice| failure.help(advice.to_string()))
 }
+
+/// The camera to compare with, read before any work is done.
+fn reference(config: &Config) -> Result<Option<Camera>, StageError> {
+    let file = config.calibrate.reference.as_ref();
+    file.map(|file| read_camera(file).map_err(|e| failed(config, e.caused_by(file)))).transpose()
+}
+
+/// Corners are found to a tenth of a pixel and better; a sound calibration leaves no more than this.
+const SOUND_RMS_PX: f64 = 1.0;
 
 /// What a user should know before trusting the camera.
 fn notes(calibration: &Calibration) -> Vec<String> {
@@ -391,8 +426,15 @@ fn notes(calibration: &Calibration) -> Vec<String> {
     }
     if !calibration.insignificant.is_empty() {
         notes.push(format!(
-            "{} differ(s) from 0 by less than two standard deviations",
+            "not distinguishable from 0 by these photos: {}; a simpler lens may do",
             calibration.insignificant.join(", ")
+        ));
+    }
+    if calibration.rms_px > SOUND_RMS_PX {
+        notes.push(format!(
+            "points lie {:.2} px from where the camera sees them: far more than corners are found to; the target may be \
+             another than declared, bent, or of another size than its squares and gaps say",
+            calibration.rms_px
         ));
     }
     let board = &calibration.board;

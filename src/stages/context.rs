@@ -134,6 +134,13 @@ impl StageError {
         self
     }
 
+    /// The same failure of another kind.
+    #[must_use]
+    pub fn of_class(mut self, class: ErrorClass) -> Self {
+        self.0.class = class;
+        self
+    }
+
     /// The kind of failure.
     pub fn class(&self) -> ErrorClass {
         self.0.class

@@ -14,7 +14,7 @@ pub enum LatticeError {
         single: usize,
     },
     /// A lattice smaller than the target.
-    #[error("found {found_rows} × {found_columns} {what} of the declared {rows} × {columns}")]
+    #[error("found {found_rows} × {found_columns} {what} of the target's {rows} × {columns}")]
     TooFew {
         /// What is counted.
         what: &'static str,
@@ -28,7 +28,7 @@ pub enum LatticeError {
         columns: usize,
     },
     /// A lattice larger than the target.
-    #[error("found {found_rows} × {found_columns} {what}, more than the declared {rows} × {columns}")]
+    #[error("found {found_rows} × {found_columns} {what}, more than the target's {rows} × {columns}")]
     TooMany {
         /// What is counted.
         what: &'static str,

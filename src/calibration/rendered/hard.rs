@@ -31,10 +31,10 @@ pub(in crate::calibration) struct Outcome {
     pub rms_px: f64,
 }
 
-/// Seeds of so many views; of as many as `BORESIGHT_HARD_VIEWS` says when it is set, for a thorough look:
+/// Seeds of so many views; of as many as `BORESIGHT_HARD_VIEWS` said when the tests were built, for a thorough look:
 /// `BORESIGHT_HARD_VIEWS=1000 cargo test --release hard_views` takes minutes.
 pub(in crate::calibration) fn hard_seeds(usual: u64) -> Range<u64> {
-    let asked = std::env::var("BORESIGHT_HARD_VIEWS").ok().and_then(|count| count.parse().ok());
+    let asked = option_env!("BORESIGHT_HARD_VIEWS").and_then(|count| count.parse().ok());
     0..asked.unwrap_or(usual)
 }
 

@@ -6,7 +6,7 @@ use crate::cli::output::print;
 use crate::config::Located;
 use crate::config::target::{HollowSquare, TargetKind, TargetSpec};
 use crate::formats::atomic::write_atomic;
-use crate::report::Sheet;
+use crate::report::{Sheet, SheetError};
 use crate::stages::target::target;
 use crate::stages::{ErrorClass, StageError};
 
@@ -29,8 +29,13 @@ pub fn run(arguments: &TargetArguments) -> Result<ExitClass, StageError> {
         arguments.columns,
         lengths(&spec).iter().map(|(key, length)| format!(", {key} {length}")).collect::<String>()
     );
-    let sheet = Sheet::new(target(&declared)?, title, arguments.paper.as_deref())
-        .map_err(|e| usage(e.to_string()).help("fewer or smaller squares, or a larger --paper"))?;
+    let made = target(&declared).map_err(|e| e.of_class(ErrorClass::Usage))?;
+    let sheet = Sheet::new(made, title, arguments.paper.as_deref()).map_err(|e| match e {
+        SheetError::TooLarge { .. } => {
+            usage(e.to_string()).help("fewer or smaller squares, or a larger --paper")
+        }
+        _ => usage(e.to_string()),
+    })?;
     let bytes = if extension == "pdf" { sheet.pdf() } else { sheet.svg().into_bytes() };
     write_atomic(&arguments.output, &bytes).map_err(|e| {
         StageError::new(ErrorClass::Io, format!("{} cannot be written", arguments.output.display()))

@@ -334,7 +334,7 @@ fn a_full_page_shows_the_numbers_rounded_to_what_is_known() {
         "743.8",
         "not significant",
         "744.9",
-        "−1.0σ",
+        "−1.0 σ",
         "0.070 m on the ground from 100 m",
         "Photograph the target in the upper right.",
         "did not converge",

@@ -48,9 +48,21 @@ pub(super) fn look_at_all(
     let place = config.at(&declared.patterns);
     let found = files::matching(&config.base, &declared.patterns)
         .map_err(|e| StageError::input(e.to_string()).at(place.clone()))?;
+    let mut names = BTreeMap::new();
+    for file in &found {
+        if let Some(other) = names.insert(file_name(file), file) {
+            let what = format!("{} and {} have the same name", other.display(), file.display());
+            let help = "photos are told apart by their names in tables and pictures: rename one";
+            return Err(StageError::input(what).at(place).help(help));
+        }
+    }
     let described = target(&declared.target)?;
     let counted = declared.target.size.is_none();
-    let target = if counted { counted_target(&found, &described, context)? } else { described };
+    let target = if counted {
+        counted_target(&found, &described, context).map_err(|e| e.at(place.clone()))?
+    } else {
+        described
+    };
     let seen = each(&found, "finding corners", context, |file| look_at(file, &target))?;
 
     let mut looked = Looked {
@@ -79,12 +91,8 @@ pub(super) fn look_at_all(
         looked.rejected.push(RejectedPhoto { path: file, file: name, reason, detection });
     }
     leave_out_faulty(&mut looked);
-    looked.rejected.sort_by(|a, b| a.file.cmp(&b.file));
     if looked.used.len() < LEAST_PHOTOS {
-        return Err(too_few(&looked).at(place).help(
-            "check [calibrate.target] against the target, and photograph all of it, sharp and evenly lit, tilted by \
-             20° to 45° to different sides",
-        ));
+        return Err(too_few(looked).at(place));
     }
     Ok(looked)
 }
@@ -129,7 +137,7 @@ fn counted_target(files: &[PathBuf], described: &Target, context: &RunContext) -
         *votes.entry(*size).or_default() += 1;
     }
     // Of sizes that as many photos show the larger: hidden squares take away, nothing adds.
-    let Some((&(rows, columns), _)) = votes.iter().max_by_key(|((r, c), votes)| (**votes, r * c)) else {
+    let Some((&(rows, columns), &most)) = votes.iter().max_by_key(|((r, c), votes)| (**votes, r * c)) else {
         let reasons = files
             .iter()
             .zip(&counts)
@@ -138,6 +146,7 @@ fn counted_target(files: &[PathBuf], described: &Target, context: &RunContext) -
         return Err(StageError::input(format!("no photo shows the target{reasons}"))
             .help("check the kind and the lengths of [calibrate.target]"));
     };
+    tracing::info!("counted {rows} × {columns} {} in {most} of {} photos", described.unit(), files.len());
     described.resized(rows, columns).map_err(|e| {
         StageError::input(format!("the photos show {rows} × {columns} {}: {e}", described.unit()))
     })
@@ -179,7 +188,8 @@ pub(super) fn turned_back(
     TargetPhoto { detection, rotation, ..photo.clone() }
 }
 
-fn leave_out_faulty(looked: &mut Looked) {
+/// Leaves out photos that are blurred, over-exposed or show what another shows.
+pub(super) fn leave_out_faulty(looked: &mut Looked) {
     let names: Vec<String> = looked.used.iter().map(|photo| file_name(&photo.file)).collect();
     let measures: Vec<(&str, PhotoQuality, &Detection)> = names
         .iter()
@@ -201,11 +211,34 @@ fn leave_out_faulty(looked: &mut Looked) {
     }
 }
 
-fn too_few(looked: &Looked) -> StageError {
+fn too_few(mut looked: Looked) -> StageError {
+    let (width, height) = looked.size_px;
+    for photo in std::mem::take(&mut looked.turned) {
+        looked.rejected.push(RejectedPhoto {
+            file: file_name(&photo.file),
+            path: photo.file,
+            reason: format!(
+                "is {height} × {width} px, turned by a quarter: {LEAST_PHOTOS} photos of {width} × {height} px are \
+                 needed to tell which way"
+            ),
+            detection: Some(photo.detection),
+        });
+    }
+    looked.rejected.sort_by(|a, b| a.file.cmp(&b.file));
     let reasons = looked.rejected.iter().map(|r| format!("\n  {}: {}", r.file, r.reason)).collect::<String>();
+    // What was found and yet left out needs other photos; what was not found, another description.
+    let found = looked.rejected.iter().filter(|r| r.detection.is_some()).count();
+    let help = if found > 0 {
+        "take more photos, each with the target in another place and tilted by 20° to 45° to another side, sharp and \
+         evenly lit"
+    } else {
+        "check [calibrate.target] against the target (leave rows and columns out to have them counted), and photograph \
+         all of it, sharp and evenly lit"
+    };
     StageError::input(format!(
         "{} of {} photos can be used, at least {LEAST_PHOTOS} are needed{reasons}",
         looked.used.len(),
         looked.files.len()
     ))
+    .help(help)
 }

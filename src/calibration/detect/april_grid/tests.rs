@@ -90,8 +90,8 @@ fn what_is_not_the_target_is_said() {
     let target = kalibr(4, 5);
     let image = drawn(&target, &posed(&target, 0.4, (0.0, 0.0), (20.0, -15.0, 5.0)), Look::PAPER);
     let say = |image: &Grey, target: &AprilGridTarget| detect(image, target).unwrap_err().to_string();
-    assert_eq!(say(&image, &kalibr(4, 6)), "found 4 × 5 tags of the declared 4 × 6");
-    assert_eq!(say(&image, &kalibr(3, 5)), "found 4 × 5 tags, more than the declared 3 × 5");
+    assert_eq!(say(&image, &kalibr(4, 6)), "found 4 × 5 tags of the target's 4 × 6");
+    assert_eq!(say(&image, &kalibr(3, 5)), "found 4 × 5 tags, more than the target's 3 × 5");
     let downwards = TagPrint { order: TagOrder::FromUpperLeft, ..TagPrint::kalibr() };
     let downwards = AprilGridTarget::new(4, 5, 0.03, 0.009, downwards).unwrap();
     assert_eq!(say(&image, &downwards), "the tags are numbered from the lower left, unlike declared");

@@ -75,8 +75,8 @@ fn what_is_not_the_target_is_said() {
     let image = drawn(&target, &posed(&target, 0.35, (0.0, 0.0), (20.0, -15.0, 5.0)), Look::PAPER);
     let say = |image: &Grey, target: &CharucoTarget| detect(image, target).unwrap_err().to_string();
     let other = |rows, columns, legacy| board(rows, columns, "DICT_4X4_50", legacy);
-    assert_eq!(say(&image, &other(6, 9, false)), "found 6 × 7 squares of the declared 6 × 9");
-    assert_eq!(say(&image, &other(4, 7, false)), "found 6 × 7 squares, more than the declared 4 × 7");
+    assert_eq!(say(&image, &other(6, 9, false)), "found 6 × 7 squares of the target's 6 × 9");
+    assert_eq!(say(&image, &other(4, 7, false)), "found 6 × 7 squares, more than the target's 4 × 7");
     assert!(say(&image, &other(6, 7, true)).contains("not in the declared layout"));
     let even = board(6, 8, "DICT_4X4_50", true);
     let seen = drawn(&even, &posed(&even, 0.35, (0.0, 0.0), (20.0, -15.0, 5.0)), Look::PAPER);

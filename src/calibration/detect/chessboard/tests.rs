@@ -103,14 +103,14 @@ fn what_is_not_the_board_is_said() {
     let target = board(6, 9);
     let pose = posed(&target, 0.35, (20.0, -15.0, 5.0));
     let image = drawn(&target, &pose, Look::PAPER);
-    assert_eq!(say(&image, &board(7, 9)), "found 6 × 9 inner corners of the declared 7 × 9");
-    assert_eq!(say(&image, &board(9, 7)), "found 9 × 6 inner corners of the declared 9 × 7");
-    assert_eq!(say(&image, &board(6, 8)), "found 6 × 9 inner corners, more than the declared 6 × 8");
+    assert_eq!(say(&image, &board(7, 9)), "found 6 × 9 inner corners of the target's 7 × 9");
+    assert_eq!(say(&image, &board(9, 7)), "found 9 × 6 inner corners of the target's 9 × 7");
+    assert_eq!(say(&image, &board(6, 8)), "found 6 × 9 inner corners, more than the target's 6 × 8");
     // Two of the nine columns are outside the frame.
     let mut beside = pose;
     beside.translation.x += 0.26;
     let cut = say(&drawn(&target, &beside, Look::PAPER), &target);
-    assert!(cut.contains("of the declared 6 × 9"), "{cut}");
+    assert!(cut.contains("of the target's 6 × 9"), "{cut}");
     let flat = Grey::new(300, 200, (0..60_000).map(|i| (i % 300) as f32).collect()).unwrap();
     assert!(say(&flat, &target).contains("no lattice of crossings of edges found"));
 }

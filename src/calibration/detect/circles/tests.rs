@@ -122,8 +122,8 @@ fn what_is_not_the_target_is_said() {
     let target = symmetric(5, 7, 0.5);
     let image = drawn(&target, &posed(&target, 0.4, (20.0, -15.0, 5.0)), Look::PAPER);
     let say = |image: &Grey, target: &CirclesTarget| detect(image, target).unwrap_err().to_string();
-    assert_eq!(say(&image, &symmetric(6, 7, 0.5)), "found 5 × 7 circles of the declared 6 × 7");
-    assert_eq!(say(&image, &symmetric(4, 7, 0.5)), "found 5 × 7 circles, more than the declared 4 × 7");
+    assert_eq!(say(&image, &symmetric(6, 7, 0.5)), "found 5 × 7 circles of the target's 6 × 7");
+    assert_eq!(say(&image, &symmetric(4, 7, 0.5)), "found 5 × 7 circles, more than the target's 4 × 7");
     assert!(say(&image, &asymmetric(5, 4)).contains("not in the declared layout"));
     // The same board twice: the left half of one photo and the right half of another.
     let small = |turn: f64| drawn(&target, &posed(&target, 0.9, (10.0, 5.0, turn)), Look::PAPER);

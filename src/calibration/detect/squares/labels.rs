@@ -382,9 +382,9 @@ mod tests {
         };
         let plain = target(7, 7, Marker::None);
         let paper = SquaresTarget::paper();
-        assert_eq!(see(&all(6, 6), None, false, &plain), "found 6 × 6 squares of the declared 7 × 7");
-        assert!(see(&all(8, 7), None, false, &plain).contains("more than the declared 7 × 7"));
-        assert!(see(&all(8, 7)[..55], None, false, &plain).contains("more than the declared 7 × 7"));
+        assert_eq!(see(&all(6, 6), None, false, &plain), "found 6 × 6 squares of the target's 7 × 7");
+        assert!(see(&all(8, 7), None, false, &plain).contains("more than the target's 7 × 7"));
+        assert!(see(&all(8, 7)[..55], None, false, &plain).contains("more than the target's 7 × 7"));
         assert!(see(&all(7, 7), None, false, &paper).contains("no hollow square"));
         assert!(see(&all(7, 7), Some((0, 0)), false, &plain).contains("none was declared"));
         let wide = target(4, 6, Marker::UpperLeft);

@@ -106,8 +106,8 @@ fn what_is_not_the_target_is_said() {
     let drawn =
         |target: &SquaresTarget| photo(&paper_camera(), &pose, &Target::Squares(*target), Look::PAPER);
     let say = |image: &Grey, target: &SquaresTarget| detect(image, target).unwrap_err().to_string();
-    assert_eq!(say(&drawn(&six), &seven), "found 6 × 6 squares of the declared 7 × 7");
-    assert!(say(&drawn(&plain), &six).contains("more than the declared 6 × 6"));
+    assert_eq!(say(&drawn(&six), &seven), "found 6 × 6 squares of the target's 7 × 7");
+    assert!(say(&drawn(&plain), &six).contains("more than the target's 6 × 6"));
     assert!(say(&drawn(&plain), &seven).contains("no hollow square"));
     assert!(say(&drawn(&seven), &plain).contains("none was declared"));
     let refuse = |width, height| {
