@@ -280,7 +280,6 @@ impl Calibrate {
 
 /// Where the camera comes from.
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant, reason = "a pipeline holds one")]
 pub enum CameraSource {
     /// A camera file, recognised by its content.
     File(Located<PathBuf>),
