@@ -130,6 +130,12 @@ fn rows_and_columns_are_counted_when_not_declared() {
         let (target, counted) = made.unwrap().target.unwrap();
         assert_eq!((target.size(), counted), (expected, true));
     }
+    // White squares between black ones pass for separate squares here and there, but not alike in most photos.
+    let Some(folder) = shared("opencv-chessboard") else { return };
+    let text = "[calibrate]\nphotos = \"left*.jpg\"\n[calibrate.target]\nkind = \"squares\"\nsquare = \"30 mm\"\n\
+        gap = \"30 mm\"\nhollow = \"upper_left\"\n";
+    let error = calibrated(&folder, text).unwrap_err();
+    assert!(error.to_string().contains("do not agree on the target's rows and columns"), "{error}");
 }
 
 #[test]

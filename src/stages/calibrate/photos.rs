@@ -146,6 +146,16 @@ fn counted_target(files: &[PathBuf], described: &Target, context: &RunContext) -
         return Err(StageError::input(format!("no photo shows the target{reasons}"))
             .help("check the kind and the lengths of [calibrate.target]"));
     };
+    let all: usize = votes.values().sum();
+    if 2 * most < all {
+        let seen =
+            votes.iter().map(|((r, c), votes)| format!("\n  {r} × {c} in {votes}")).collect::<String>();
+        return Err(StageError::input(format!(
+            "the photos do not agree on the target's rows and columns of {}:{seen}",
+            described.unit()
+        ))
+        .help("state rows and columns in [calibrate.target], and check its kind and lengths"));
+    }
     tracing::info!("counted {rows} × {columns} {} in {most} of {} photos", described.unit(), files.len());
     described.resized(rows, columns).map_err(|e| {
         StageError::input(format!("the photos show {rows} × {columns} {}: {e}", described.unit()))
