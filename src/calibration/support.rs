@@ -38,7 +38,7 @@ pub(super) fn support(camera: &Camera, views: &[View]) -> Support {
     let (mut supported, mut folded) = (0_u32, 0_u32);
     for r in 0..GRID.1 {
         for c in 0..GRID.0 {
-            let at = |k: u32, cells: u32, size: f64| f64::from(k) / f64::from(cells - 1) * (size - 1.0);
+            let at = |k: u32, cells: u32, size: f64| (f64::from(k) + 0.5) / f64::from(cells) * size - 0.5;
             let pixel = ImagePoint::new(at(c, GRID.0, width), at(r, GRID.1, height));
             match camera.lens.direction_from_pixel(pixel) {
                 None => folded += 1,

@@ -51,7 +51,7 @@ pub struct ExportError {
 fn skew_loss(camera: &Camera, what: &str) -> String {
     let [_, fy, skew, _, cy, ..] = camera.lens.interior();
     let farthest = cy.abs().max((f64::from(camera.height) - 1.0 - cy).abs());
-    format!("{what}: {skew} px, which moves columns by up to {:.2} px", (skew * farthest / fy).abs())
+    format!("{what}: {skew:.4} px, which moves columns by up to {:.2} px", (skew * farthest / fy).abs())
 }
 
 /// Our format, key by key; which lens terms there are depends on the model.

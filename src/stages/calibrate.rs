@@ -187,7 +187,7 @@ fn write_exports(config: &Config, camera: &Camera, context: &RunContext) -> Resu
     let name = config.source.name.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let write = |file: &str, exported: Exported| {
         for loss in &exported.losses {
-            tracing::info!("{file}: {loss}");
+            tracing::debug!("{file}: {loss}");
         }
         context.write_product(file, exported.text.as_bytes())
     };
