@@ -1,8 +1,8 @@
 //! The declared lens as the models to fit, and the fit.
 
 use crate::calibration::{
-    Calibration, CalibrationError, Candidate, Comparison, LensModel, Options, OutlierPolicy, ViewPoints,
-    advice, calibrate_with, compare,
+    Calibration, CalibrationError, Candidate, Comparison, LensModel, Options, OutlierPolicy, StartError,
+    ViewPoints, advice, calibrate_with, compare,
 };
 use crate::config::calibrate::{LensChoice, ModelSpec};
 use crate::report::calibration::{CandidateNumbers, ChoiceNumbers};
@@ -104,6 +104,10 @@ fn numbers(candidate: &Candidate, chosen: bool) -> CandidateNumbers {
         rms_px: candidate.calibration.as_ref().ok().map(|calibration| calibration.rms_px),
         held_out_rms_px: candidate.held_out_px,
         chosen,
-        failed: failed.map(ToString::to_string),
+        // Other lenses explain the views: it is this one that does not.
+        failed: failed.map(|error| match error {
+            CalibrationError::Start(StartError::NoCamera) => "could not be fitted to these photos".to_owned(),
+            other => other.to_string(),
+        }),
     }
 }
