@@ -16,6 +16,21 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
+/// Any picture: dark and light blocks of random places, `coarse` pixels wide, with noise. Blocks make quadrilaterals,
+/// crossings and blobs of all kinds likely.
+///
+/// - `dark`: share of the blocks that are dark.
+pub(super) fn any_blocks(width: usize, height: usize, seed: u64, coarse: usize, dark: f64) -> Grey {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let side = width.max(height);
+    let blocks: Vec<f32> =
+        (0..side * side).map(|_| if random.random_bool(dark) { 20.0 } else { 230.0 }).collect();
+    let values = (0..width * height)
+        .map(|i| blocks[i / width / coarse * side + i % width / coarse] + random.random_range(-9.0..9.0))
+        .collect();
+    Grey::new(width, height, values).unwrap()
+}
+
 /// Eqs. (6) and (7) of the paper.
 pub(super) fn paper_camera() -> Brown {
     Brown::new([743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.0199, 0.1629, 0.0076, 0.0039, -0.3018])

@@ -280,6 +280,14 @@ fn checked_size(what: &'static str, rows: usize, columns: usize, least: usize) -
     Ok(())
 }
 
+/// Corner of a square in a lattice of squares `gap_m` apart: 0 upper left, 1 upper right, 2 lower right, 3 lower left
+/// (modulo 4). Origin at the first square's upper left corner.
+fn square_corner((row, column): (usize, usize), corner: usize, side_m: f64, gap_m: f64) -> BoardPoint {
+    let pitch = side_m + gap_m;
+    let (right, down) = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)][corner % 4];
+    BoardPoint { x_m: column as f64 * pitch + right * side_m, y_m: row as f64 * pitch + down * side_m }
+}
+
 /// Checks that a length is positive.
 fn checked_length(what: &'static str, metres: f64) -> Result<(), TargetError> {
     if metres.is_finite() && metres > 0.0 { Ok(()) } else { Err(TargetError::Length { what, metres }) }

@@ -1,6 +1,8 @@
 //! AprilTags in rows and columns; its points are the corners of the tags.
 
-use super::{BoardPoint, Dictionary, Ink, Shape, TargetError, TargetPoint, checked_length, checked_size};
+use super::{
+    BoardPoint, Dictionary, Ink, Shape, TargetError, TargetPoint, checked_length, checked_size, square_corner,
+};
 
 /// Where the first tag is; the others follow to the right and then row by row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,12 +132,7 @@ impl AprilGridTarget {
     /// Corner of a tag: 0 upper left, 1 upper right, 2 lower right, 3 lower left (modulo 4).
     #[must_use]
     pub fn corner(&self, row: usize, column: usize, corner: usize) -> BoardPoint {
-        let pitch = self.tag_m + self.gap_m;
-        let (right, down) = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)][corner % 4];
-        BoardPoint {
-            x_m: column as f64 * pitch + right * self.tag_m,
-            y_m: row as f64 * pitch + down * self.tag_m,
-        }
+        square_corner((row, column), corner, self.tag_m, self.gap_m)
     }
     /// How a corner moves when the tags are larger than declared, about their centres: m per m of side.
     #[must_use]

@@ -1,6 +1,6 @@
 //! The paper's target: an n × m lattice of separated black squares on a light board.
 
-use super::{BoardPoint, Ink, Shape, TargetError, TargetPoint, checked_length, checked_size};
+use super::{BoardPoint, Ink, Shape, TargetError, TargetPoint, checked_length, checked_size, square_corner};
 
 /// What tells the target's upper left corner from the other three.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,12 +94,7 @@ impl SquaresTarget {
     /// Corner of a square: 0 upper left, 1 upper right, 2 lower right, 3 lower left (modulo 4).
     #[must_use]
     pub fn corner(&self, row: usize, column: usize, corner: usize) -> BoardPoint {
-        let pitch = self.side_m + self.gap_m;
-        let (right, down) = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)][corner % 4];
-        BoardPoint {
-            x_m: column as f64 * pitch + right * self.side_m,
-            y_m: row as f64 * pitch + down * self.side_m,
-        }
+        square_corner((row, column), corner, self.side_m, self.gap_m)
     }
     /// How a corner moves when the squares are larger than declared, about their centres: m per m of side.
     #[must_use]

@@ -1,7 +1,9 @@
 //! Detection on drawn photos of ChArUco boards.
 
 use super::*;
-use crate::calibration::rendered::{Look, facing, hard_renders, hard_seeds, paper_camera, photo, see};
+use crate::calibration::rendered::{
+    Look, any_blocks, facing, hard_renders, hard_seeds, paper_camera, photo, see,
+};
 use crate::calibration::target::{Dictionary, Target};
 use crate::calibration::zhang::BoardPose;
 
@@ -101,14 +103,7 @@ proptest::proptest! {
     fn any_image_is_answered_without_panic(
         width in 1..70_usize, height in 1..70_usize, seed in 0..u64::MAX, coarse in 1..9_usize,
     ) {
-        use rand::{RngExt, SeedableRng};
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let blocks: Vec<f32> =
-            (0..70 * 70).map(|_| if random.random_bool(0.5) { 20.0 } else { 230.0 }).collect();
-        let values = (0..width * height)
-            .map(|i| blocks[i / width / coarse * 70 + i % width / coarse] + random.random_range(-9.0..9.0))
-            .collect();
-        let image = Grey::new(width, height, values).unwrap();
+        let image = any_blocks(width, height, seed, coarse, 0.5);
         let target = Target::Charuco(board(4, 4, "DICT_ARUCO_ORIGINAL", true));
         let _ = crate::calibration::detect(&image, &target);
         let _ = crate::calibration::count(&image, &target);

@@ -3,7 +3,7 @@
 use super::super::MarkerSeen;
 use super::*;
 use crate::calibration::rendered::{
-    Look, hard_renders, hard_seeds, paper_camera, paper_poses, photo, pose, see,
+    Look, any_blocks, hard_renders, hard_seeds, paper_camera, paper_poses, photo, pose, see,
 };
 use crate::calibration::target::{Marker, Target};
 use crate::calibration::zhang::BoardPose;
@@ -151,15 +151,7 @@ proptest::proptest! {
     fn any_image_is_answered_without_panic(
         width in 1..70_usize, height in 1..70_usize, seed in 0..u64::MAX, coarse in 1..16_usize,
     ) {
-        use rand::{RngExt, SeedableRng};
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        // Blocks of random size make quadrilaterals of all kinds likely.
-        let blocks: Vec<f32> =
-            (0..70 * 70).map(|_| if random.random_bool(0.4) { 20.0 } else { 230.0 }).collect();
-        let values = (0..width * height)
-            .map(|i| blocks[i / width / coarse * 70 + i % width / coarse] + random.random_range(-9.0..9.0))
-            .collect();
-        let image = Grey::new(width, height, values).unwrap();
+        let image = any_blocks(width, height, seed, coarse, 0.4);
         let target = SquaresTarget::new(2, 2, 0.01, 0.01, Marker::None).unwrap();
         let _ = detect(&image, &target);
     }
