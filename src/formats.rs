@@ -9,6 +9,7 @@ pub mod corners;
 pub mod crs;
 pub mod elevation;
 pub mod files;
+pub mod flight;
 pub mod geoid;
 pub mod geotiff;
 pub mod libraries;

@@ -5,7 +5,9 @@
 //! so grid convergence and scale come out by construction.
 
 mod ellipsoid;
+mod height;
 mod projection;
 
 pub use ellipsoid::{Ellipsoid, Geodetic, LocalTangent, WGS84};
+pub use height::{GeoidModel, HeightKind};
 pub use projection::{MapPoint, MapProjection, ProjectionError, grid_convergence};
