@@ -12,6 +12,7 @@ pub mod accuracy;
 pub mod calibrate;
 mod error;
 pub mod georeference;
+pub mod height;
 pub mod log;
 pub mod mosaic;
 pub mod quantity;

@@ -8,4 +8,4 @@ mod mount;
 mod track;
 
 pub use mount::{GimbalAngles, GimbalReference, Mount};
-pub use track::{NavigationRecord, Track, TrackError};
+pub use track::{NavigationRecord, Sample, Track, TrackError, TrackSeries};

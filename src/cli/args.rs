@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::exit::EXIT_CODES;
-use crate::config::log::VerticalDatum;
+use crate::config::height::VerticalDatum;
 use crate::config::quantity::Length;
 use crate::config::target::TargetKind;
 use crate::stages::Stage;
@@ -327,6 +327,8 @@ pub enum DatumName {
     Ellipsoid,
     /// The EGM96 geoid (mean sea level).
     Egm96,
+    /// The EGM2008 geoid (mean sea level).
+    Egm2008,
 }
 
 impl From<DatumName> for VerticalDatum {
@@ -334,6 +336,7 @@ impl From<DatumName> for VerticalDatum {
         match name {
             DatumName::Ellipsoid => Self::Ellipsoid,
             DatumName::Egm96 => Self::Egm96,
+            DatumName::Egm2008 => Self::Egm2008,
         }
     }
 }

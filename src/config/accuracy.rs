@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::calibrate::PixelOrigin;
 use super::error::{ConfigError, Resolver};
-use super::log::{
-    self, CoordinateColumnSpec, HeightColumnSpec, LengthColumnSpec, NumberColumn, VerticalDatum,
-};
+use super::height::VerticalDatum;
+use super::log::columns::{CoordinateColumnSpec, HeightColumnSpec, LengthColumnSpec, NumberColumn};
+use super::log::Log;
 use super::quantity::{Angle, Duration, Length, PixelLength};
 use super::source::Located;
 
@@ -409,7 +409,7 @@ const LARGEST_GRID: u32 = 1024;
 
 pub(super) fn resolve(
     spec: &mut Located<AccuracySpec>,
-    log: &log::Log,
+    log: &Log,
     resolver: &Resolver,
 ) -> Result<Accuracy, ConfigError> {
     let table = Located { value: (), span: spec.span.clone() };
@@ -443,7 +443,7 @@ pub(super) fn resolve(
     })
 }
 
-fn sigmas(spec: &Located<SigmasSpec>, log: &log::Log, resolver: &Resolver) -> Result<Sigmas, ConfigError> {
+fn sigmas(spec: &Located<SigmasSpec>, log: &Log, resolver: &Resolver) -> Result<Sigmas, ConfigError> {
     fn spread<T>(
         value: &Located<T>,
         name: &str,
@@ -460,10 +460,7 @@ fn sigmas(spec: &Located<SigmasSpec>, log: &log::Log, resolver: &Resolver) -> Re
     let angle = |value: &Located<Angle>, name| spread(value, name, |angle| angle.radians(), resolver);
     let length = |value: &Located<Length>, name| spread(value, name, |length| length.metres(), resolver);
     let time_s = spread(&spec.time, "time", |time| time.seconds(), resolver)?;
-    let has_speed = log.ground_speed.is_some()
-        || log.velocity.is_some()
-        || matches!(log.join, log::Join::Time { .. } | log::Join::Name { time: Some(_), .. });
-    if time_s > 0.0 && !has_speed {
+    if time_s > 0.0 && !log.may_know_speed() {
         return Err(resolver
             .error(&spec.time, "a spread in time says nothing without the speed")
             .help("declare a column ground_speed, the three velocity columns, or time in [georeference.log.columns]"));
@@ -481,7 +478,8 @@ fn sigmas(spec: &Located<SigmasSpec>, log: &log::Log, resolver: &Resolver) -> Re
         height_m: length(&spec.height, "height")?,
         roll_rad: angle(&spec.roll, "roll")?,
         pitch_rad: angle(&spec.pitch, "pitch")?,
-        yaw_rad: angle(&spec.yaw, "yaw")?,
+        // A course that stands for the nose is off it by the crab angle as well.
+        yaw_rad: angle(&spec.yaw, "yaw")?.hypot(log.crab_std_rad.unwrap_or(0.0)),
         boresight_roll_rad: boresight[0],
         boresight_pitch_rad: boresight[1],
         boresight_yaw_rad: boresight[2],
@@ -595,15 +593,11 @@ fn check_points(spec: &Located<CheckPointsSpec>, resolver: &Resolver) -> Result<
                 .help("declare both columns of one pair, each with its unit"));
         }
     };
-    let height_datum = match columns.height.datum {
-        log::HeightColumnDatum::Ellipsoid => VerticalDatum::Ellipsoid,
-        log::HeightColumnDatum::Egm96 => VerticalDatum::Egm96,
-        _ => {
-            return Err(resolver
-                .error(&columns.height, "the height of a check point is absolute")
-                .help("its datum is \"ellipsoid\" or \"egm96\""));
-        }
-    };
+    let height_datum = columns.height.datum.absolute().ok_or_else(|| {
+        resolver
+            .error(&columns.height, "the height of a check point is absolute")
+            .help("its datum is \"ellipsoid\", \"egm96\" or \"egm2008\"")
+    })?;
     Ok(CheckPoints {
         points: resolver.path(&spec.points)?,
         point: columns.point.clone(),

@@ -6,7 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, Resolver};
-use super::log::{self, FramesSpec, Height, HeightReference, Log, LogSpec, NumberColumn, VerticalDatum};
+use super::height::{Height, VerticalDatum};
+use super::log::columns::{ColumnsSpec, TableLog};
+use super::log::{self, FramesSpec, Log, LogSpec};
 use super::quantity::{Angle, Length};
 use super::source::Located;
 
@@ -27,14 +29,15 @@ pub struct GeoreferenceSpec {
     pub footprint_max_range: Option<Located<Length>>,
     /// The log of the attitude-and-position unit.
     pub log: Located<LogSpec>,
-    /// When each frame was taken; only with `log.join = "time"`.
+    /// When each frame was taken; only with `log.join = "time"` and "match". Default: as the photos say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<Located<FramesSpec>>,
-    /// How the camera is mounted.
-    pub mount: Located<MountSpec>,
+    /// How the camera is mounted. Required with a table of the log; other logs may hold the camera's own pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mount: Option<Located<MountSpec>>,
     /// The ground the frames show.
     pub ground: Located<GroundSpec>,
-    /// A constant geoid undulation, where no geoid grid is installed.
+    /// Where geoid undulations come from. Default: PROJ's installed grids.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geoid: Option<GeoidSpec>,
     /// Limits beyond which a frame is rejected.
@@ -56,7 +59,7 @@ pub enum GeoreferenceProduct {
 /// image, z to its bottom. Pan is positive clockwise seen from above, elevation positive up from the nose's plane, roll
 /// positive clockwise seen along the optical axis; body_from_gimbal = Rz(pan)·Ry(elevation)·Rx(roll). With pan 0 and
 /// elevation -90° the top of the image points to the nose.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MountSpec {
     /// Position of the antenna (the log's position) in the body. Default zero.
@@ -89,6 +92,19 @@ pub struct MountSpec {
     /// Clockwise turn of the stored pixels of every frame against the sensor. Default "none".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixel_rotation: Option<Located<PixelRotation>>,
+    /// Frames whose stored pixels were turned, by a photo viewer for example.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub turned_frames: Vec<TurnedFrames>,
+}
+
+/// Frames whose stored pixels were turned after the camera wrote them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TurnedFrames {
+    /// File names of the frames.
+    pub frames: Vec<Located<String>>,
+    /// How far their pixels were turned clockwise.
+    pub clockwise: PixelRotation,
 }
 
 /// A lever arm by its components.
@@ -193,8 +209,12 @@ pub enum GroundKind {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GeoidSpec {
-    /// Height of the EGM96 geoid above the ellipsoid in the survey's area, for example "-35.82 m".
-    pub undulation: Located<Length>,
+    /// Height of the geoid (mean sea level) above the ellipsoid in the survey's area, for example "-35.82 m".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub undulation: Option<Located<Length>>,
+    /// Whether PROJ may fetch a missing geoid grid from the network. Default false: results do not depend on it.
+    #[serde(default)]
+    pub network: bool,
 }
 
 /// `[georeference.limits]`.
@@ -225,8 +245,10 @@ pub struct Georeference {
     pub mount: Mount,
     /// The ground.
     pub ground: Ground,
-    /// Constant height of the EGM96 geoid above the ellipsoid, metres, instead of a grid.
+    /// Constant height of the geoid above the ellipsoid, metres, instead of a grid.
     pub geoid_undulation_m: Option<f64>,
+    /// Whether PROJ may fetch grids from the network.
+    pub network: bool,
     /// Largest angle of the optical axis from straight down, radians.
     pub max_off_nadir_rad: Option<f64>,
 }
@@ -261,8 +283,10 @@ pub struct Mount {
     pub roll: GimbalAngle,
     /// Boresight angles.
     pub boresight: Boresight,
-    /// Clockwise turn of the stored pixels of every frame (per-frame turns of the log add to it).
+    /// Clockwise turn of the stored pixels of every frame (per-frame turns add to it).
     pub pixel_rotation: PixelRotation,
+    /// Frames with a turn of their own.
+    pub turned_frames: Vec<TurnedFrames>,
 }
 
 /// A lever arm, metres along the axes of the frame its name ends with.
@@ -289,12 +313,12 @@ impl From<LeverArmSpec> for LeverArm {
 }
 
 /// One angle of the gimbal.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GimbalAngle {
     /// The same for every frame, radians.
     Fixed(f64),
-    /// From the log, radians after its factor.
-    Column(NumberColumn),
+    /// From the log.
+    Logged,
 }
 
 /// Boresight angles, radians.
@@ -342,8 +366,8 @@ impl Ground {
 pub enum HeightAboveGround {
     /// The same for every frame, metres.
     Fixed(f64),
-    /// From the log, metres after its factor.
-    Column(NumberColumn),
+    /// From the log.
+    Logged,
 }
 
 pub(super) fn resolve(
@@ -359,7 +383,7 @@ pub(super) fn resolve(
             .help("write \"auto\", \"EPSG:32617\", WKT or a PROJ string"));
     }
     let crs = crs.clone().map(|text| if text == "auto" { Crs::Auto } else { Crs::Given(text) });
-    let log = log::resolve(&mut spec.log.value, &mut spec.frames, resolver)?;
+    let log = log::resolve(&mut spec.log, &mut spec.frames, resolver)?;
     let mount = mount(&mut spec.mount, &spec.log, &log, resolver)?;
     let ground = ground(&spec.ground, &spec.log, &log, resolver)?;
     let footprint_max_range_m = match &spec.footprint_max_range {
@@ -385,49 +409,35 @@ pub(super) fn resolve(
         log,
         mount,
         ground,
-        geoid_undulation_m: spec.geoid.as_ref().map(|geoid| geoid.undulation.metres()),
+        geoid_undulation_m: spec
+            .geoid
+            .as_ref()
+            .and_then(|geoid| geoid.undulation.as_ref())
+            .map(|undulation| undulation.metres()),
+        network: spec.geoid.as_ref().is_some_and(|geoid| geoid.network),
         max_off_nadir_rad,
     })
 }
 
+/// The mount with a declared table: every gimbal angle is fixed or a column.
+/// With any other log: what is stated is used; what is not is the log's.
 fn mount(
-    spec: &mut Located<MountSpec>,
-    log_spec: &LogSpec,
+    written: &mut Option<Located<MountSpec>>,
+    log_spec: &Located<LogSpec>,
     log: &Log,
     resolver: &Resolver,
 ) -> Result<Mount, ConfigError> {
-    let table = Located { value: (), span: spec.span.clone() };
-    let any_column = log.gimbal_pan.is_some() || log.gimbal_elevation.is_some() || log.gimbal_roll.is_some();
-    if any_column && spec.gimbal_reference.is_none() {
+    if written.is_none() && log.as_table().is_some() {
         return Err(resolver
-            .error(spec, "gimbal angles of the log need to say what they are measured against")
-            .help("add `gimbal_reference = \"body\"` (angles against the airframe) or \"nav\" (against north and the horizon)"));
+            .error(log_spec, "the pipeline does not say how the camera is mounted")
+            .help("add a table [georeference.mount] with `gimbal_elevation = \"-90 deg\"` (straight down)"));
     }
-    let fixed_or_column =
-        |fixed: Option<&Located<Angle>>, column: &Option<NumberColumn>, key: &str| match (fixed, column) {
-            (Some(fixed), Some(_)) => Err(resolver
-                .error(fixed, format!("`{key}` is given here and as a column of the log"))
-                .help("keep one of the two")),
-            (_, Some(column)) => Ok(GimbalAngle::Column(column.clone())),
-            (fixed, None) => Ok(GimbalAngle::Fixed(log::radians(fixed))),
-        };
-    let elevation = match (&spec.gimbal_elevation, &spec.gimbal_tilt_down, &log.gimbal_elevation) {
-        (Some(_), Some(tilt), _) => {
-            return Err(resolver
-                .error(tilt, "`gimbal_tilt_down` and `gimbal_elevation` state the same angle")
-                .help("keep one of the two: elevation is positive up, tilt_down positive down"));
-        }
-        (None, None, None) => {
-            return Err(resolver
-                .error(spec, "the mount does not say where the camera looks")
-                .help("add `gimbal_elevation = \"-90 deg\"` (straight down), `gimbal_tilt_down`, or a column gimbal_elevation of the log"));
-        }
-        (None, Some(tilt), None) => GimbalAngle::Fixed(-tilt.radians()),
-        (None, Some(tilt), column) => fixed_or_column(Some(tilt), column, "gimbal_tilt_down")?,
-        (elevation, None, column) => fixed_or_column(elevation.as_ref(), column, "gimbal_elevation")?,
+    let spec = written.get_or_insert_with(|| Located::unplaced(MountSpec::default()));
+    let table = Located { value: (), span: spec.span.clone() };
+    let [pan, elevation, roll] = match log.as_table() {
+        Some(columns) => table_angles(spec, columns, resolver)?,
+        None => log_angles(spec, resolver)?,
     };
-    let pan = fixed_or_column(spec.gimbal_pan.as_ref(), &log.gimbal_pan, "gimbal_pan")?;
-    let roll = fixed_or_column(spec.gimbal_roll.as_ref(), &log.gimbal_roll, "gimbal_roll")?;
     let resolved = Mount {
         table,
         antenna_in_body: spec.antenna_in_body.into(),
@@ -446,28 +456,97 @@ fn mount(
             roll_rad: spec.boresight.roll.radians(),
         },
         pixel_rotation: spec.pixel_rotation.as_ref().map_or(PixelRotation::None, |rotation| rotation.value),
+        turned_frames: spec.turned_frames.clone(),
     };
-    if log.attitude.is_none() {
-        let stabilised = resolved.gimbal_reference == GimbalReference::Nav;
-        let lever_arm = !resolved.antenna_in_body.is_zero() || !resolved.gimbal_in_body.is_zero();
-        if !stabilised || lever_arm {
-            let why = if stabilised {
-                "a lever arm in the body needs it"
-            } else {
-                "the camera turns with the body"
-            };
-            return Err(resolver
-                .error(
-                    &log_spec.columns,
-                    format!("the log's columns hold no attitude (yaw, pitch, roll): {why}"),
-                )
-                .help("declare the columns yaw, pitch and roll with unit and sense"));
-        }
+    if let (Some(columns), Some(place)) = (log.as_table(), &log_spec.columns)
+        && columns.attitude.is_none()
+    {
+        needs_no_attitude(&resolved, place, resolver)?;
     }
     let filled = &mut spec.value;
     filled.gimbal_reference.get_or_insert_with(|| Located::unplaced(GimbalReference::Body));
     filled.pixel_rotation.get_or_insert_with(|| Located::unplaced(PixelRotation::None));
     Ok(resolved)
+}
+
+/// Elevation as stated, under either of its names.
+fn stated_elevation(
+    spec: &MountSpec,
+    resolver: &Resolver,
+) -> Result<Option<(f64, &'static str)>, ConfigError> {
+    match (&spec.gimbal_elevation, &spec.gimbal_tilt_down) {
+        (Some(_), Some(tilt)) => Err(resolver
+            .error(tilt, "`gimbal_tilt_down` and `gimbal_elevation` state the same angle")
+            .help("keep one of the two: elevation is positive up, tilt_down positive down")),
+        (Some(elevation), None) => Ok(Some((elevation.radians(), "gimbal_elevation"))),
+        (None, Some(tilt)) => Ok(Some((-tilt.radians(), "gimbal_tilt_down"))),
+        (None, None) => Ok(None),
+    }
+}
+
+fn table_angles(
+    spec: &Located<MountSpec>,
+    columns: &TableLog,
+    resolver: &Resolver,
+) -> Result<[GimbalAngle; 3], ConfigError> {
+    if columns.has_gimbal() && spec.gimbal_reference.is_none() {
+        return Err(resolver
+            .error(spec, "gimbal angles of the log need to say what they are measured against")
+            .help("add `gimbal_reference = \"body\"` (angles against the airframe) or \"nav\" (against north and the horizon)"));
+    }
+    let fixed_or_column = |fixed: Option<f64>, is_column: bool, key: &str| match (fixed, is_column) {
+        (Some(_), true) => Err(resolver
+            .error(spec, format!("`{key}` is given here and as a column of the log"))
+            .help("keep one of the two")),
+        (_, true) => Ok(GimbalAngle::Logged),
+        (fixed, false) => Ok(GimbalAngle::Fixed(fixed.unwrap_or(0.0))),
+    };
+    let stated = stated_elevation(spec, resolver)?;
+    if stated.is_none() && columns.gimbal_elevation.is_none() {
+        return Err(resolver
+            .error(spec, "the mount does not say where the camera looks")
+            .help("add `gimbal_elevation = \"-90 deg\"` (straight down), `gimbal_tilt_down`, or a column gimbal_elevation of the log"));
+    }
+    let radians = |angle: &Option<Located<Angle>>| angle.as_ref().map(|angle| angle.radians());
+    let name = stated.map_or("gimbal_elevation", |(_, name)| name);
+    Ok([
+        fixed_or_column(radians(&spec.gimbal_pan), columns.gimbal_pan.is_some(), "gimbal_pan")?,
+        fixed_or_column(stated.map(|(angle, _)| angle), columns.gimbal_elevation.is_some(), name)?,
+        fixed_or_column(radians(&spec.gimbal_roll), columns.gimbal_roll.is_some(), "gimbal_roll")?,
+    ])
+}
+
+/// Of a log whose contents the pipeline file does not list: an elevation stated here stands for whatever it logs.
+fn log_angles(spec: &Located<MountSpec>, resolver: &Resolver) -> Result<[GimbalAngle; 3], ConfigError> {
+    let Some((elevation, _)) = stated_elevation(spec, resolver)? else {
+        let because = "without `gimbal_elevation` the gimbal angles are the log's";
+        resolver.unused(&spec.gimbal_pan, "gimbal_pan", because)?;
+        resolver.unused(&spec.gimbal_roll, "gimbal_roll", because)?;
+        resolver.unused(&spec.gimbal_reference, "gimbal_reference", because)?;
+        return Ok([GimbalAngle::Logged; 3]);
+    };
+    let fixed = |angle: &Option<Located<Angle>>| {
+        GimbalAngle::Fixed(angle.as_ref().map_or(0.0, |angle| angle.radians()))
+    };
+    Ok([fixed(&spec.gimbal_pan), GimbalAngle::Fixed(elevation), fixed(&spec.gimbal_roll)])
+}
+
+/// Only a stabilised camera without lever arms in the body does without the body's attitude.
+fn needs_no_attitude(
+    mount: &Mount,
+    columns: &Located<ColumnsSpec>,
+    resolver: &Resolver,
+) -> Result<(), ConfigError> {
+    let stabilised = mount.gimbal_reference == GimbalReference::Nav;
+    let lever_arm = !mount.antenna_in_body.is_zero() || !mount.gimbal_in_body.is_zero();
+    if stabilised && !lever_arm {
+        return Ok(());
+    }
+    let why =
+        if stabilised { "a lever arm in the body needs it" } else { "the camera turns with the body" };
+    Err(resolver
+        .error(columns, format!("the log's columns hold no attitude (yaw, pitch, roll): {why}"))
+        .help("declare the columns yaw, pitch and roll with unit and sense"))
 }
 
 fn ground(
@@ -496,14 +575,14 @@ fn ground(
     }
     if !wanted("height_above_ground") {
         resolver.unused(&spec.height_above_ground, "height_above_ground", &kind_is)?;
-        resolver.unused(&log_spec.columns.height_above_ground, "height_above_ground", &kind_is)?;
+        if let Some(columns) = &log_spec.columns {
+            resolver.unused(&columns.height_above_ground, "height_above_ground", &kind_is)?;
+        }
     }
     if !wanted("file") {
         resolver.unused(&spec.file, "file", &kind_is)?;
         resolver.unused(&spec.fallback_height, "fallback_height", &kind_is)?;
     }
-    let above_ground =
-        log.position.height().is_some_and(|height| height.datum == HeightReference::AboveGround);
     match spec.kind.value {
         GroundKind::Plane => {
             let height = spec.height.as_ref().ok_or_else(|| missing("height", "254.4 m"))?;
@@ -516,22 +595,23 @@ fn ground(
             let fallback_m = spec.fallback_height.as_ref().map(|height| height.metres());
             Ok(Ground::Dem { file: resolver.path(file)?, datum: datum.value, fallback_m })
         }
-        GroundKind::BelowCamera if above_ground => Err(resolver
+        GroundKind::BelowCamera if log.is_above_ground() => Err(resolver
             .error(&spec.kind, "the log's height is above the ground and the ground is below the camera: neither has a height of its own")
             .help("state the ground's height (kind = \"plane\" or \"dem\"), or declare a height column of another datum")),
-        GroundKind::BelowCamera => match (&spec.height_above_ground, &log.height_above_ground) {
-            (Some(height), None) if height.metres() > 0.0 => {
-                Ok(Ground::BelowCamera(HeightAboveGround::Fixed(height.metres())))
+        GroundKind::BelowCamera => {
+            // A log whose contents are not listed here may state it for every frame.
+            let logged = log.as_table().is_none_or(|columns| columns.height_above_ground.is_some());
+            match (&spec.height_above_ground, logged) {
+                (Some(height), _) if height.metres() <= 0.0 => Err(resolver
+                    .error(height, format!("`height_above_ground` is {}; it must be above 0", height.value))),
+                (Some(height), true) if log.as_table().is_some() => Err(resolver
+                    .error(height, "`height_above_ground` is given here and as a column of the log")
+                    .help("keep one of the two")),
+                (Some(height), _) => Ok(Ground::BelowCamera(HeightAboveGround::Fixed(height.metres()))),
+                (None, true) => Ok(Ground::BelowCamera(HeightAboveGround::Logged)),
+                (None, false) => Err(missing("height_above_ground", "120 m")),
             }
-            (Some(height), None) => {
-                Err(resolver.error(height, format!("`height_above_ground` is {}; it must be above 0", height.value)))
-            }
-            (None, Some(column)) => Ok(Ground::BelowCamera(HeightAboveGround::Column(column.clone()))),
-            (Some(height), Some(_)) => Err(resolver
-                .error(height, "`height_above_ground` is given here and as a column of the log")
-                .help("keep one of the two")),
-            (None, None) => Err(missing("height_above_ground", "120 m")),
-        },
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! `[georeference.log]` and `[georeference.frames]`: the ADAHRS log, its columns with unit and sense, and how frames find their row.
+//! `[georeference.log]` and `[georeference.frames]`: where poses come from, and how frames find theirs.
 
 use std::path::PathBuf;
 
@@ -6,481 +6,181 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ConfigError, Resolver};
-use super::quantity::{Angle, Duration, Length};
+use super::height::{Height, HeightDatum, HeightSpec};
+use super::quantity::{Angle, Duration};
 use super::source::Located;
-use crate::units::Radians;
+
+pub mod columns;
+
+use columns::{ColumnsSpec, TableLog, TimeColumnSpec, TimeFormat, YawReference};
 
 /// `[georeference.log]` as written.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LogSpec {
-    /// The log: a text table whose first line names the columns.
-    pub file: Located<PathBuf>,
-    /// What separates columns: one character. Default ",".
+    /// What kind of log it is. Default "table": a text table whose columns are declared here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<Located<LogFormat>>,
+    /// The log. Not with `format = "photos"`, where the photos themselves hold the poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<Located<PathBuf>>,
+    /// With "table": what separates columns: one character. Default ",".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub delimiter: Option<Located<String>>,
-    /// How a frame finds its pose: "name" (a column of the log names the frame) or "time" (interpolated between rows).
-    pub join: Located<JoinKind>,
-    /// With `join = "time"`: frames in a longer gap of the log than this are rejected. Default "1 s".
+    /// How a frame finds its pose: "name" (the log names the frame), "time" (interpolated at the frame's time) or "match"
+    /// (the log's exposures are aligned with the frames' times). Required with "table"; otherwise what the format holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub join: Option<Located<JoinKind>>,
+    /// With `join = "time"` and "match": frames in a longer gap of the log than this are rejected. Default "1 s".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_gap: Option<Located<Duration>>,
-    /// With `join = "time"`: exposure in log time = the frame's time + this. Default "0 s".
+    /// Exposure in log time = the frame's time + this. With `join = "time"` default "0 s"; with "match" it is found from
+    /// the two series unless stated here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock_offset: Option<Located<Duration>>,
-    /// Coordinate reference system of the columns `easting` and `northing`, for example "EPSG:32617".
+    /// With `join = "match"` and `clock_offset`: one standard deviation of it. Default "1 s".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock_offset_std: Option<Located<Duration>>,
+    /// Coordinate reference system of projected positions, for example "EPSG:32617"; for files that do not state it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_crs: Option<Located<String>>,
-    /// Height of the take-off point, for a height column above take-off.
+    /// Height of the take-off point, for heights above it, or of the zero of barometric heights.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub takeoff_height: Option<Located<HeightSpec>>,
-    /// The columns of the log.
-    pub columns: Located<ColumnsSpec>,
+    /// What the log's heights are measured from, instead of what the format says. Not with "table", whose column says it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_datum: Option<Located<HeightDatum>>,
+    /// What the log's yaw is counted from, instead of what the format says. Not with "table", whose column says it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading: Option<Located<YawReference>>,
+    /// Where the yaw is the course over ground: one standard deviation of the angle between course and nose. Required then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub crab_std: Option<Located<Angle>>,
+    /// What the three angles of a file are that does not say so itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angles: Option<Located<AngleSystem>>,
+    /// With "table": its columns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub columns: Option<Located<ColumnsSpec>>,
+}
+
+/// What kind of log it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LogFormat {
+    /// A text table whose first line names the columns; `columns` declares them.
+    Table,
+    /// EXIF and XMP of the photos themselves.
+    Photos,
+    /// ArduPilot DataFlash (.bin).
+    Ardupilot,
+    /// PX4 ULog (.ulg).
+    Px4,
+    /// MAVLink telemetry (.tlog).
+    Mavlink,
+    /// Applanix smoothed best estimate of trajectory (.sbet, .out).
+    Sbet,
+    /// RTKLIB solution (.pos).
+    Rtklib,
+    /// RTKLIB solution at events (_events.pos): one line per exposure.
+    RtklibEvents,
+    /// DJI exposures (.MRK).
+    DjiMrk,
+    /// Geolocation table of senseFly eMotion and Pix4D.
+    Geoinfo,
+    /// OpenDroneMap geo.txt.
+    OdmGeo,
+    /// Exterior orientation of Pix4D, Metashape or orthority.
+    Orientation,
+    /// OpenSfM and OpenDroneMap reconstruction.json.
+    Opensfm,
+}
+
+impl LogFormat {
+    /// The word of the pipeline file.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Table => "table",
+            Self::Photos => "photos",
+            Self::Ardupilot => "ardupilot",
+            Self::Px4 => "px4",
+            Self::Mavlink => "mavlink",
+            Self::Sbet => "sbet",
+            Self::Rtklib => "rtklib",
+            Self::RtklibEvents => "rtklib_events",
+            Self::DjiMrk => "dji_mrk",
+            Self::Geoinfo => "geoinfo",
+            Self::OdmGeo => "odm_geo",
+            Self::Orientation => "orientation",
+            Self::Opensfm => "opensfm",
+        }
+    }
+
+    /// How frames find their pose when nothing else is said.
+    const fn usual_join(self) -> Option<JoinKind> {
+        match self {
+            Self::Table => None,
+            Self::Photos | Self::Geoinfo | Self::OdmGeo | Self::Orientation | Self::Opensfm => {
+                Some(JoinKind::Name)
+            }
+            Self::Sbet | Self::Rtklib => Some(JoinKind::Time),
+            Self::Ardupilot | Self::Px4 | Self::Mavlink | Self::RtklibEvents | Self::DjiMrk => {
+                Some(JoinKind::Match)
+            }
+        }
+    }
+}
+
+/// What three angles are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AngleSystem {
+    /// Yaw, pitch, roll of the camera: all zero is a level photo with its top to the north.
+    YawPitchRoll,
+    /// Omega, phi, kappa: Rx(ω)·Ry(φ)·Rz(κ), camera x right, y up, z back, to the map grid.
+    OmegaPhiKappa,
+    /// Phi, omega, kappa: Ry(φ)·Rx(ω)·Rz(κ), as Inpho writes them.
+    PhiOmegaKappa,
 }
 
 /// How a frame finds its pose in the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JoinKind {
-    /// A column of the log names the frame.
+    /// The log names the frame.
     Name,
-    /// The frame's time lies between two rows of the log.
+    /// The frame's time lies between two records of the log.
     Time,
+    /// The log's exposures and the frames' times are two series of the same events.
+    Match,
 }
 
-/// A height with its datum.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HeightSpec {
-    /// The height.
-    pub value: Length,
-    /// What it is measured from.
-    pub datum: VerticalDatum,
-}
-
-/// What a height is measured from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum VerticalDatum {
-    /// The WGS 84 ellipsoid, as GNSS receivers compute it.
-    Ellipsoid,
-    /// The EGM96 geoid (mean sea level).
-    Egm96,
-}
-
-/// Columns of the log: each one used is declared with its unit and its sense or datum.
-#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ColumnsSpec {
-    /// Names the frame's file. Required with `join = "name"`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub frame: Option<Located<String>>,
-    /// Time of the row. Required with `join = "time"`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time: Option<Located<TimeColumnSpec>>,
-    /// Geodetic latitude, WGS 84, positive north.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub latitude: Option<Located<CoordinateColumnSpec>>,
-    /// Longitude, WGS 84, positive east.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub longitude: Option<Located<CoordinateColumnSpec>>,
-    /// Easting in `position_crs`, instead of latitude and longitude.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub easting: Option<Located<LengthColumnSpec>>,
-    /// Northing in `position_crs`, instead of latitude and longitude.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub northing: Option<Located<LengthColumnSpec>>,
-    /// ECEF x (WGS 84), instead of latitude, longitude and height.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub x: Option<Located<LengthColumnSpec>>,
-    /// ECEF y (WGS 84).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub y: Option<Located<LengthColumnSpec>>,
-    /// ECEF z (WGS 84).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub z: Option<Located<LengthColumnSpec>>,
-    /// Height of the antenna. Required with latitude/longitude and easting/northing.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub height: Option<Located<HeightColumnSpec>>,
-    /// Direction of the nose in the horizontal plane.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub yaw: Option<Located<AngleColumnSpec<YawSense>>>,
-    /// Pitch of the airframe.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pitch: Option<Located<AngleColumnSpec<PitchSense>>>,
-    /// Roll of the airframe.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub roll: Option<Located<AngleColumnSpec<RollSense>>>,
-    /// Gimbal pan, instead of `mount.gimbal_pan`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gimbal_pan: Option<Located<AngleColumnSpec<TurnSense>>>,
-    /// Gimbal elevation, instead of `mount.gimbal_elevation`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gimbal_elevation: Option<Located<AngleColumnSpec<ElevationSense>>>,
-    /// Gimbal roll about the optical axis, instead of `mount.gimbal_roll`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gimbal_roll: Option<Located<AngleColumnSpec<TurnSense>>>,
-    /// Height of the camera above the ground below it, for `ground.kind = "below_camera"`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub height_above_ground: Option<Located<LengthColumnSpec>>,
-    /// Speed over ground: what a timing error is multiplied by in the accuracy report.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ground_speed: Option<Located<SpeedColumnSpec>>,
-    /// Velocity towards north.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub velocity_north: Option<Located<SpeedColumnSpec>>,
-    /// Velocity towards east.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub velocity_east: Option<Located<SpeedColumnSpec>>,
-    /// Velocity downwards.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub velocity_down: Option<Located<SpeedColumnSpec>>,
-    /// How far the stored pixels of a frame were turned after it was taken.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pixel_rotation: Option<Located<RotationColumnSpec>>,
-}
-
-/// A column of times.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TimeColumnSpec {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// How its values are written.
-    pub format: TimeFormat,
-}
-
-/// How times are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TimeFormat {
-    /// Date and time with offset or Z, UTC: "2013-06-04T17:38:09.25Z".
-    Iso8601,
-    /// Seconds since 1970-01-01 UTC.
-    UnixSeconds,
-    /// Seconds since any instant, the same for log and frames.
-    Seconds,
-    /// Milliseconds since any instant, the same for log and frames.
-    Milliseconds,
-    /// Microseconds since any instant, the same for log and frames.
-    Microseconds,
-    /// Seconds of the GPS week.
-    GpsSecondsOfWeek,
-}
-
-impl TimeFormat {
-    /// Formats of one class can be compared with each other.
-    fn clock(self) -> &'static str {
+impl JoinKind {
+    const fn word(self) -> &'static str {
         match self {
-            Self::Iso8601 | Self::UnixSeconds => "UTC",
-            Self::Seconds | Self::Milliseconds | Self::Microseconds => "a clock of its own",
-            Self::GpsSecondsOfWeek => "seconds of a GPS week",
+            Self::Name => "name",
+            Self::Time => "time",
+            Self::Match => "match",
         }
     }
 }
 
-/// A column of latitudes or longitudes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CoordinateColumnSpec {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// Unit of its values.
-    pub unit: CoordinateUnit,
-}
-
-/// Unit of a latitude or longitude.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum CoordinateUnit {
-    /// Degrees.
-    #[serde(rename = "deg")]
-    Degrees,
-    /// Radians.
-    #[serde(rename = "rad")]
-    Radians,
-    /// Degrees times 10⁷, whole numbers (as MAVLink and u-blox write them).
-    #[serde(rename = "deg_e7")]
-    DegreesE7,
-}
-
-/// Unit of an angle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum AngleUnit {
-    /// Degrees.
-    #[serde(rename = "deg")]
-    Degrees,
-    /// Radians.
-    #[serde(rename = "rad")]
-    Radians,
-}
-
-/// Unit of a length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum LengthUnit {
-    /// Metres.
-    #[serde(rename = "m")]
-    Metres,
-    /// Millimetres.
-    #[serde(rename = "mm")]
-    Millimetres,
-    /// Centimetres.
-    #[serde(rename = "cm")]
-    Centimetres,
-    /// Kilometres.
-    #[serde(rename = "km")]
-    Kilometres,
-    /// International feet.
-    #[serde(rename = "ft")]
-    Feet,
-}
-
-/// Unit of a speed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum SpeedUnit {
-    /// Metres per second.
-    #[serde(rename = "m/s")]
-    MetresPerSecond,
-    /// Kilometres per hour.
-    #[serde(rename = "km/h")]
-    KilometresPerHour,
-    /// Knots.
-    #[serde(rename = "kn")]
-    Knots,
-    /// Centimetres per second.
-    #[serde(rename = "cm/s")]
-    CentimetresPerSecond,
-}
-
-impl CoordinateUnit {
-    /// Radians in one of this unit.
-    pub fn radians(self) -> f64 {
-        match self {
-            Self::Degrees => Radians::from_degrees(1.0).get(),
-            Self::Radians => 1.0,
-            Self::DegreesE7 => Radians::from_degrees(1.0).get() * 1e-7,
-        }
-    }
-}
-
-impl AngleUnit {
-    /// Radians in one of this unit.
-    pub fn radians(self) -> f64 {
-        match self {
-            Self::Degrees => Radians::from_degrees(1.0).get(),
-            Self::Radians => 1.0,
-        }
-    }
-}
-
-impl LengthUnit {
-    /// Metres in one of this unit.
-    pub fn metres(self) -> f64 {
-        match self {
-            Self::Metres => 1.0,
-            Self::Millimetres => 1e-3,
-            Self::Centimetres => 1e-2,
-            Self::Kilometres => 1e3,
-            Self::Feet => 0.3048,
-        }
-    }
-}
-
-impl SpeedUnit {
-    /// Metres per second in one of this unit.
-    pub fn metres_per_second(self) -> f64 {
-        match self {
-            Self::MetresPerSecond => 1.0,
-            Self::KilometresPerHour => 1.0 / 3.6,
-            Self::Knots => 1852.0 / 3600.0,
-            Self::CentimetresPerSecond => 1e-2,
-        }
-    }
-}
-
-/// A column of lengths.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LengthColumnSpec {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// Unit of its values.
-    pub unit: LengthUnit,
-}
-
-/// A column of speeds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SpeedColumnSpec {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// Unit of its values.
-    pub unit: SpeedUnit,
-}
-
-/// A column of heights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HeightColumnSpec {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// Unit of its values.
-    pub unit: LengthUnit,
-    /// What the heights are measured from.
-    pub datum: HeightColumnDatum,
-}
-
-/// What a height column is measured from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HeightColumnDatum {
-    /// The WGS 84 ellipsoid.
-    Ellipsoid,
-    /// The EGM96 geoid (mean sea level).
-    Egm96,
-    /// The ground below the camera, as `[georeference.ground]` has it.
-    AboveGround,
-    /// The take-off point; `takeoff_height` states its height.
-    AboveTakeoff,
-}
-
-/// A column of angles, with the sense in which they grow.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(rename = "AngleColumn{S}")]
-pub struct AngleColumnSpec<S> {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// Unit of its values.
-    pub unit: AngleUnit,
-    /// The sense in which the angle grows.
-    pub sense: S,
-}
-
-/// The sense of a yaw column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum YawSense {
-    /// From true north towards east (compass heading, corrected for declination).
-    ClockwiseFromTrueNorth,
-    /// From the output CRS's grid north towards east.
-    ClockwiseFromGridNorth,
-    /// The direction of travel, from true north towards east, used as if the nose pointed along it (no crab angle).
-    CourseOverGround,
-    /// From true north towards west.
-    CounterclockwiseFromTrueNorth,
-    /// From east towards north (mathematical angle).
-    CounterclockwiseFromEast,
-}
-
-/// What a yaw is measured from, once its sense is undone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum YawReference {
-    /// True north.
-    TrueNorth,
-    /// Grid north of the output CRS at the camera.
-    GridNorth,
-}
-
-/// The sense of a pitch column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PitchSense {
-    /// Positive when the nose is up.
-    NoseUp,
-    /// Positive when the nose is down.
-    NoseDown,
-}
-
-/// The sense of a roll column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RollSense {
-    /// Positive when the right wing is down.
-    RightWingDown,
-    /// Positive when the left wing is down.
-    LeftWingDown,
-}
-
-/// The sense of a gimbal's pan (seen from above) or roll (seen along the optical axis).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TurnSense {
-    /// Clockwise.
-    Clockwise,
-    /// Counterclockwise.
-    Counterclockwise,
-}
-
-/// The sense of a gimbal's elevation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ElevationSense {
-    /// Positive upwards: -90° looks straight down.
-    Up,
-    /// Positive downwards: +90° looks straight down.
-    Down,
-}
-
-/// A sense that is either ours (+1) or its mirror image (-1).
-pub trait Sense: Copy {
-    /// +1 or -1.
-    fn sign(self) -> f64;
-}
-
-impl Sense for PitchSense {
-    fn sign(self) -> f64 {
-        if self == Self::NoseUp { 1.0 } else { -1.0 }
-    }
-}
-
-impl Sense for RollSense {
-    fn sign(self) -> f64 {
-        if self == Self::RightWingDown { 1.0 } else { -1.0 }
-    }
-}
-
-impl Sense for TurnSense {
-    fn sign(self) -> f64 {
-        if self == Self::Clockwise { 1.0 } else { -1.0 }
-    }
-}
-
-impl Sense for ElevationSense {
-    fn sign(self) -> f64 {
-        if self == Self::Up { 1.0 } else { -1.0 }
-    }
-}
-
-/// A column that tells how the stored pixels were turned.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RotationColumnSpec {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// What its values mean.
-    pub meaning: RotationMeaning,
-}
-
-/// What the values of a pixel rotation column mean.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RotationMeaning {
-    /// 0: as taken; 1: the stored pixels were turned by half a turn.
-    HalfTurns,
-    /// 0, 90, 180 or 270: the stored pixels were turned clockwise by so many degrees.
-    DegreesClockwise,
-}
-
-/// `[georeference.frames]`: when each frame was taken, for `join = "time"`.
+/// `[georeference.frames]`: when each frame was taken, for `join = "time"` and "match".
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FramesSpec {
-    /// A text table with one row per frame.
-    pub file: Located<PathBuf>,
-    /// What separates columns: one character. Default ",".
+    /// A text table with one row per frame. Without it, the photos' own EXIF and XMP say when they were taken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<Located<PathBuf>>,
+    /// With `file`: what separates columns: one character. Default ",".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub delimiter: Option<Located<String>>,
-    /// Its columns.
-    pub columns: FrameColumnsSpec,
+    /// With `file`: its columns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub columns: Option<Located<FrameColumnsSpec>>,
+    /// Without `file`: how far the camera's clock is ahead of UTC ("-4 h"), for photos that state neither UTC nor a zone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub utc_offset: Option<Located<Duration>>,
 }
 
 /// Columns of the frames' table.
@@ -496,46 +196,80 @@ pub struct FrameColumnsSpec {
 /// The log, resolved.
 #[derive(Debug, Clone)]
 pub struct Log {
-    /// The text table.
-    pub file: Located<PathBuf>,
-    /// The byte that separates columns.
-    pub delimiter: u8,
+    /// The table's place.
+    pub table: Located<()>,
+    /// Where it is and how it is read.
+    pub source: LogSource,
     /// How frames find their pose.
     pub join: Join,
-    /// Columns of the antenna's position.
-    pub position: PositionColumns,
-    /// Columns of the body's attitude; absent only with a stabilised gimbal and no lever arm in the body.
-    pub attitude: Option<AttitudeColumns>,
-    /// Gimbal pan, positive clockwise seen from above; absent when the mount fixes it.
-    pub gimbal_pan: Option<NumberColumn>,
-    /// Gimbal elevation, positive up; absent when the mount fixes it.
-    pub gimbal_elevation: Option<NumberColumn>,
-    /// Gimbal roll, positive clockwise seen along the optical axis; absent when the mount fixes it.
-    pub gimbal_roll: Option<NumberColumn>,
-    /// Height above the ground below the camera, metres.
-    pub height_above_ground: Option<NumberColumn>,
-    /// Speed over ground, m/s.
-    pub ground_speed: Option<NumberColumn>,
-    /// Velocity north, east, down, m/s; all three or none.
-    pub velocity: Option<VelocityColumns>,
-    /// Per-frame turn of the stored pixels.
-    pub pixel_rotation: Option<RotationColumnSpec>,
+    /// CRS of projected positions that the file does not state.
+    pub crs: Option<Located<String>>,
+    /// Height of the take-off point, or of the zero of barometric heights.
+    pub takeoff: Option<Height>,
+    /// What heights are measured from, instead of what the format says.
+    pub height_datum: Option<HeightDatum>,
+    /// What yaw is counted from, instead of what the format says.
+    pub heading: Option<YawReference>,
+    /// One standard deviation of the angle between course and nose, radians.
+    pub crab_std_rad: Option<f64>,
+}
+
+/// Where a log is and how it is read.
+#[derive(Debug, Clone)]
+pub enum LogSource {
+    /// A text table with declared columns.
+    Table(Box<TableLog>),
+    /// The photos' own metadata.
+    Photos,
+    /// A file that says itself what its records are.
+    File {
+        /// The file.
+        file: Located<PathBuf>,
+        /// Its format.
+        format: LogFormat,
+        /// What three angles are, where the file does not say so.
+        angles: Option<AngleSystem>,
+    },
+}
+
+impl Log {
+    /// The log's file; `None` when the photos are the log.
+    pub fn file(&self) -> Option<&Located<PathBuf>> {
+        match &self.source {
+            LogSource::Table(table) => Some(&table.file),
+            LogSource::Photos => None,
+            LogSource::File { file, .. } => Some(file),
+        }
+    }
+
+    /// The declared table, if it is one.
+    pub fn as_table(&self) -> Option<&TableLog> {
+        match &self.source {
+            LogSource::Table(table) => Some(table),
+            LogSource::Photos | LogSource::File { .. } => None,
+        }
+    }
+
+    /// Whether its heights are declared to be above the ground.
+    pub fn is_above_ground(&self) -> bool {
+        let column = self.as_table().and_then(|table| table.position.height()).map(|height| height.datum);
+        column.or(self.height_datum) == Some(HeightDatum::AboveGround)
+    }
+
+    /// Whether it can say how fast the camera moved, as far as the pipeline file tells.
+    pub fn may_know_speed(&self) -> bool {
+        let Some(table) = self.as_table() else { return true };
+        table.ground_speed.is_some() || table.velocity.is_some() || table.time.is_some()
+    }
 }
 
 /// How frames find their pose.
 #[derive(Debug, Clone)]
 pub enum Join {
-    /// By the frame's file name. `time` is carried along when there is such a column.
-    Name {
-        /// Column of the frame's file name.
-        frame: Located<String>,
-        /// Column of the row's time, if declared.
-        time: Option<TimeColumnSpec>,
-    },
+    /// By the frame's file name.
+    Name,
     /// By time, interpolated.
     Time {
-        /// Column of the row's time.
-        time: TimeColumnSpec,
         /// Longest gap that is interpolated over, seconds.
         max_gap_s: f64,
         /// Exposure in log time = the frame's time + this, seconds.
@@ -543,11 +277,42 @@ pub enum Join {
         /// When each frame was taken.
         frames: FrameTimes,
     },
+    /// By aligning the log's exposures with the frames' times.
+    Match {
+        /// Longest gap that is interpolated over, seconds.
+        max_gap_s: f64,
+        /// Exposure in log time = the frame's time + this, seconds, with one standard deviation; `None`: to be found.
+        clock_offset: Option<(f64, f64)>,
+        /// When each frame was taken.
+        frames: FrameTimes,
+    },
+}
+
+impl Join {
+    /// When each frame was taken, where that matters.
+    pub fn frames(&self) -> Option<&FrameTimes> {
+        match self {
+            Self::Name => None,
+            Self::Time { frames, .. } | Self::Match { frames, .. } => Some(frames),
+        }
+    }
 }
 
 /// When each frame was taken.
 #[derive(Debug, Clone)]
-pub struct FrameTimes {
+pub enum FrameTimes {
+    /// As a text table says.
+    Table(Box<FrameTable>),
+    /// As the photos say.
+    Photos {
+        /// How far their clock is ahead of UTC, seconds, where they do not say it themselves.
+        utc_offset_s: Option<f64>,
+    },
+}
+
+/// A text table of the frames' times.
+#[derive(Debug, Clone)]
+pub struct FrameTable {
     /// The text table.
     pub file: Located<PathBuf>,
     /// The byte that separates columns.
@@ -556,179 +321,6 @@ pub struct FrameTimes {
     pub frame: Located<String>,
     /// Column of its time.
     pub time: TimeColumnSpec,
-}
-
-/// A numeric column and what its values are multiplied by: SI unit and our sense come out.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NumberColumn {
-    /// Name of the column.
-    pub column: Located<String>,
-    /// SI value in our sense = written value × this.
-    pub factor: f64,
-}
-
-/// Columns of the antenna's position.
-#[derive(Debug, Clone)]
-pub enum PositionColumns {
-    /// Geodetic, WGS 84.
-    Geodetic {
-        /// Radians, positive north.
-        latitude: NumberColumn,
-        /// Radians, positive east.
-        longitude: NumberColumn,
-        /// Metres.
-        height: HeightColumn,
-    },
-    /// Map coordinates.
-    Projected {
-        /// Metres.
-        easting: NumberColumn,
-        /// Metres.
-        northing: NumberColumn,
-        /// Their CRS.
-        crs: Located<String>,
-        /// Metres.
-        height: HeightColumn,
-    },
-    /// Earth-centred, Earth-fixed, WGS 84.
-    Ecef {
-        /// Metres.
-        x: NumberColumn,
-        /// Metres.
-        y: NumberColumn,
-        /// Metres.
-        z: NumberColumn,
-    },
-}
-
-impl PositionColumns {
-    /// The height column, which ECEF positions do not have.
-    pub fn height(&self) -> Option<&HeightColumn> {
-        match self {
-            Self::Geodetic { height, .. } | Self::Projected { height, .. } => Some(height),
-            Self::Ecef { .. } => None,
-        }
-    }
-}
-
-/// A column of heights, metres.
-#[derive(Debug, Clone)]
-pub struct HeightColumn {
-    /// The column.
-    pub column: NumberColumn,
-    /// What the heights are measured from.
-    pub datum: HeightReference,
-}
-
-/// What a height column is measured from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum HeightReference {
-    /// The WGS 84 ellipsoid.
-    Ellipsoid,
-    /// The EGM96 geoid.
-    Egm96,
-    /// The ground below the camera.
-    AboveGround,
-    /// The take-off point at this height.
-    AboveTakeoff(Height),
-}
-
-/// A height, metres above its datum.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Height {
-    /// Metres.
-    pub metres: f64,
-    /// What it is measured from.
-    pub datum: VerticalDatum,
-}
-
-/// Columns of the body's attitude.
-#[derive(Debug, Clone)]
-pub struct AttitudeColumns {
-    /// Direction of the nose.
-    pub yaw: YawColumn,
-    /// Radians, nose up.
-    pub pitch: NumberColumn,
-    /// Radians, right wing down.
-    pub roll: NumberColumn,
-}
-
-/// A column of yaws.
-#[derive(Debug, Clone)]
-pub struct YawColumn {
-    /// Radians in the sense below.
-    pub column: NumberColumn,
-    /// The sense as declared.
-    pub sense: YawSense,
-}
-
-impl YawColumn {
-    /// The yaw clockwise from [`YawColumn::reference`] of a written value, radians.
-    pub fn clockwise(&self, written: f64) -> f64 {
-        let angle = written * self.column.factor;
-        match self.sense {
-            YawSense::ClockwiseFromTrueNorth
-            | YawSense::ClockwiseFromGridNorth
-            | YawSense::CourseOverGround => angle,
-            YawSense::CounterclockwiseFromTrueNorth => -angle,
-            YawSense::CounterclockwiseFromEast => std::f64::consts::FRAC_PI_2 - angle,
-        }
-    }
-
-    /// Whether the column is the direction of motion, declared to stand for that of the nose.
-    pub fn is_course(&self) -> bool {
-        self.sense == YawSense::CourseOverGround
-    }
-
-    /// The north it is measured from.
-    pub fn reference(&self) -> YawReference {
-        match self.sense {
-            YawSense::ClockwiseFromGridNorth => YawReference::GridNorth,
-            _ => YawReference::TrueNorth,
-        }
-    }
-}
-
-/// Columns of the velocity, m/s.
-#[derive(Debug, Clone)]
-pub struct VelocityColumns {
-    /// Towards north.
-    pub north: NumberColumn,
-    /// Towards east.
-    pub east: NumberColumn,
-    /// Downwards.
-    pub down: NumberColumn,
-}
-
-impl CoordinateColumnSpec {
-    fn number(&self) -> NumberColumn {
-        NumberColumn { column: self.column.clone(), factor: self.unit.radians() }
-    }
-}
-
-impl LengthColumnSpec {
-    pub(super) fn number(&self) -> NumberColumn {
-        NumberColumn { column: self.column.clone(), factor: self.unit.metres() }
-    }
-}
-
-impl SpeedColumnSpec {
-    fn number(&self) -> NumberColumn {
-        NumberColumn { column: self.column.clone(), factor: self.unit.metres_per_second() }
-    }
-}
-
-impl<S: Sense> AngleColumnSpec<S> {
-    fn number(&self) -> NumberColumn {
-        NumberColumn { column: self.column.clone(), factor: self.unit.radians() * self.sense.sign() }
-    }
-}
-
-impl HeightSpec {
-    /// The value in metres with its datum.
-    pub fn height(&self) -> Height {
-        Height { metres: self.value.metres(), datum: self.datum }
-    }
 }
 
 /// One ASCII character, "," when absent.
@@ -743,219 +335,242 @@ pub(super) fn delimiter(spec: &mut Option<Located<String>>, resolver: &Resolver)
 }
 
 pub(super) fn resolve(
-    spec: &mut LogSpec,
+    spec: &mut Located<LogSpec>,
     frames: &mut Option<Located<FramesSpec>>,
     resolver: &Resolver,
 ) -> Result<Log, ConfigError> {
-    let file = resolver.path(&spec.file)?;
-    let delimiter = delimiter(&mut spec.delimiter, resolver)?;
-    let join = join(spec, frames, resolver)?;
-    let columns = &spec.columns;
-    let velocity = match (&columns.velocity_north, &columns.velocity_east, &columns.velocity_down) {
-        (Some(north), Some(east), Some(down)) => {
-            Some(VelocityColumns { north: north.number(), east: east.number(), down: down.number() })
-        }
-        (None, None, None) => None,
-        _ => {
-            return Err(resolver
-                .error(columns, "a velocity needs all of velocity_north, velocity_east, velocity_down")
-                .help("add the missing columns, or declare `ground_speed` instead"));
-        }
+    let table = Located { value: (), span: spec.span.clone() };
+    let format = spec.value.format.get_or_insert_with(|| Located::unplaced(LogFormat::Table)).clone();
+    let kind = join_kind(spec, &format, resolver)?;
+    let source = source(spec, &format, kind, resolver)?;
+    let join = join(&mut spec.value, kind, &source, frames, resolver)?;
+    let heading = match &source {
+        LogSource::Table(table) => table.attitude.as_ref().map(|attitude| attitude.yaw.reference()),
+        LogSource::Photos | LogSource::File { .. } => spec.heading.as_ref().map(|heading| heading.value),
     };
+    let crab_std_rad = crab(spec, heading, resolver)?;
     Ok(Log {
-        file,
-        delimiter,
+        table,
+        source,
         join,
-        position: position(spec, resolver)?,
-        attitude: attitude(columns, resolver)?,
-        gimbal_pan: columns.gimbal_pan.as_ref().map(|column| column.number()),
-        gimbal_elevation: columns.gimbal_elevation.as_ref().map(|column| column.number()),
-        gimbal_roll: columns.gimbal_roll.as_ref().map(|column| column.number()),
-        height_above_ground: columns.height_above_ground.as_ref().map(|column| column.number()),
-        ground_speed: columns.ground_speed.as_ref().map(|column| column.number()),
-        velocity,
-        pixel_rotation: columns.pixel_rotation.as_ref().map(|column| column.value.clone()),
+        crs: spec.position_crs.clone(),
+        takeoff: spec.takeoff_height.as_ref().map(|height| height.height()),
+        height_datum: spec.height_datum.as_ref().map(|datum| datum.value),
+        heading: spec.heading.as_ref().map(|heading| heading.value),
+        crab_std_rad,
+    })
+}
+
+/// How frames find their pose: as written, or as the format has it.
+fn join_kind(
+    spec: &mut Located<LogSpec>,
+    format: &Located<LogFormat>,
+    resolver: &Resolver,
+) -> Result<JoinKind, ConfigError> {
+    match (&spec.join, format.usual_join()) {
+        (Some(join), usual) => {
+            let names_only = usual == Some(JoinKind::Name);
+            if names_only && join.value != JoinKind::Name {
+                return Err(resolver
+                    .error(join, format!("a log of format \"{}\" names its frames", format.word()))
+                    .help("remove `join`"));
+            }
+            if !names_only && format.value != LogFormat::Table && join.value == JoinKind::Name {
+                return Err(resolver
+                    .error(join, format!("a log of format \"{}\" names no frames", format.word()))
+                    .help("write `join = \"match\"` or `join = \"time\"`"));
+            }
+            Ok(join.value)
+        }
+        (None, Some(usual)) => {
+            spec.value.join = Some(Located::unplaced(usual));
+            Ok(usual)
+        }
+        (None, None) => Err(resolver
+            .error(spec, "a table needs `join`: how a frame finds its row")
+            .help("add `join = \"name\"` (a column names the frame), \"time\" (interpolated) or \"match\" (rows are exposures)")),
+    }
+}
+
+fn source(
+    spec: &mut Located<LogSpec>,
+    format: &Located<LogFormat>,
+    join: JoinKind,
+    resolver: &Resolver,
+) -> Result<LogSource, ConfigError> {
+    let is = format!("the log's format is \"{}\"", format.word());
+    let needs = |what: &str, example: &str, spec: &Located<LogSpec>| {
+        resolver
+            .error(spec, format!("a log of format \"{}\" needs `{what}`", format.word()))
+            .help(format!("add {example} to [georeference.log]"))
+    };
+    if format.value == LogFormat::Table {
+        resolver.unused(&spec.height_datum, "height_datum", "the table's height column states its datum")?;
+        resolver.unused(&spec.heading, "heading", "the table's yaw column states its sense")?;
+        resolver.unused(&spec.angles, "angles", "the table's columns name its angles")?;
+        let file = spec.file.as_ref().ok_or_else(|| needs("file", "`file = \"log.csv\"`", spec))?;
+        let file = resolver.path(file)?;
+        let delimiter = delimiter(&mut spec.value.delimiter, resolver)?;
+        let columns =
+            spec.columns.as_ref().ok_or_else(|| needs("columns", "a table `columns`", spec))?;
+        if join == JoinKind::Name && columns.frame.is_none() {
+            return Err(resolver
+                .error(columns, "`join = \"name\"` needs the column that names the frame")
+                .help("add `frame = \"<column>\"` to [georeference.log.columns]"));
+        }
+        if join != JoinKind::Name {
+            let because = format!("frames are joined by time (`join = \"{}\"`)", join.word());
+            resolver.unused(&columns.frame, "frame", &because)?;
+            if columns.time.is_none() {
+                return Err(resolver
+                    .error(columns, format!("`join = \"{}\"` needs the log's time column", join.word()))
+                    .help("add `time = { column = \"<column>\", format = \"iso8601\" }` to [georeference.log.columns]"));
+            }
+        }
+        return Ok(LogSource::Table(Box::new(columns::resolve(file, delimiter, columns, spec, resolver)?)));
+    }
+    resolver.unused(&spec.columns, "columns", &is)?;
+    resolver.unused(&spec.delimiter, "delimiter", &is)?;
+    match &spec.height_datum {
+        Some(datum) if datum.needs_zero() && spec.takeoff_height.is_none() => {
+            return Err(resolver
+                .error(datum, format!("heights {} need the height of their zero", datum.words()))
+                .help("add `takeoff_height = { value = \"... m\", datum = \"egm96\" }` to [georeference.log]"));
+        }
+        _ => {}
+    }
+    if format.value == LogFormat::Photos {
+        resolver.unused(&spec.file, "file", "the photos themselves hold the poses (`format = \"photos\"`)")?;
+        resolver.unused(&spec.angles, "angles", &is)?;
+        resolver.unused(&spec.position_crs, "position_crs", "photos state latitude and longitude")?;
+        return Ok(LogSource::Photos);
+    }
+    let states_angles = matches!(format.value, LogFormat::Geoinfo | LogFormat::OdmGeo | LogFormat::Orientation);
+    if !states_angles {
+        resolver.unused(&spec.angles, "angles", &is)?;
+    }
+    let file = spec.file.as_ref().ok_or_else(|| needs("file", "`file = \"...\"`", spec))?;
+    Ok(LogSource::File {
+        file: resolver.path(file)?,
+        format: format.value,
+        angles: spec.angles.as_ref().map(|angles| angles.value),
     })
 }
 
 fn join(
     spec: &mut LogSpec,
+    kind: JoinKind,
+    source: &LogSource,
     frames: &mut Option<Located<FramesSpec>>,
     resolver: &Resolver,
 ) -> Result<Join, ConfigError> {
-    let columns = &spec.columns;
-    match spec.join.value {
-        JoinKind::Name => {
-            let because = "frames are joined by name (`join = \"name\"`)";
-            resolver.unused(&spec.max_gap, "max_gap", because)?;
-            resolver.unused(&spec.clock_offset, "clock_offset", because)?;
-            resolver.unused(frames, "[georeference.frames]", because)?;
-            let frame = columns.frame.clone().ok_or_else(|| {
-                resolver
-                    .error(columns, "`join = \"name\"` needs the column that names the frame")
-                    .help("add `frame = \"<column>\"` to [georeference.log.columns]")
-            })?;
-            Ok(Join::Name { frame, time: columns.time.as_ref().map(|time| time.value.clone()) })
-        }
-        JoinKind::Time => {
-            resolver.unused(&columns.frame, "frame", "frames are joined by time (`join = \"time\"`)")?;
-            let time = columns.time.as_ref().ok_or_else(|| {
-                resolver
-                    .error(columns, "`join = \"time\"` needs the log's time column")
-                    .help("add `time = { column = \"<column>\", format = \"iso8601\" }` to [georeference.log.columns]")
-            })?;
-            let frames = frames.as_mut().ok_or_else(|| {
-                resolver
-                    .error(&spec.join, "`join = \"time\"` needs to know when each frame was taken")
-                    .help("add a table [georeference.frames] with `file` and `columns = { frame = \"...\", time = { column = \"...\", format = \"...\" } }`")
-            })?;
-            let (log_clock, frame_clock) = (time.format.clock(), frames.columns.time.format.clock());
-            if log_clock != frame_clock {
-                return Err(resolver
-                    .error(
-                        &frames.columns.time,
-                        format!("the frames' times count on {frame_clock}, the log's on {log_clock}"),
-                    )
-                    .help("give both tables times on the same clock"));
-            }
-            let max_gap = spec.max_gap.get_or_insert_with(|| Located::unplaced(Duration::new(1.0)));
-            if max_gap.seconds() <= 0.0 {
-                return Err(
-                    resolver.error(max_gap, format!("`max_gap` is {}; it must be above 0", max_gap.value))
-                );
-            }
-            let clock_offset = spec.clock_offset.get_or_insert_with(|| Located::unplaced(Duration::new(0.0)));
-            Ok(Join::Time {
-                time: time.value.clone(),
-                max_gap_s: max_gap.seconds(),
-                clock_offset_s: clock_offset.seconds(),
-                frames: FrameTimes {
-                    file: resolver.path(&frames.file)?,
-                    delimiter: delimiter(&mut frames.value.delimiter, resolver)?,
-                    frame: frames.columns.frame.clone(),
-                    time: frames.columns.time.value.clone(),
-                },
-            })
-        }
+    if kind == JoinKind::Name {
+        let because = "frames are joined by name (`join = \"name\"`)";
+        resolver.unused(&spec.max_gap, "max_gap", because)?;
+        resolver.unused(&spec.clock_offset, "clock_offset", because)?;
+        resolver.unused(&spec.clock_offset_std, "clock_offset_std", because)?;
+        resolver.unused(frames, "[georeference.frames]", because)?;
+        return Ok(Join::Name);
     }
-}
-
-fn position(spec: &LogSpec, resolver: &Resolver) -> Result<PositionColumns, ConfigError> {
-    let columns = &spec.columns;
-    let geodetic = columns.latitude.is_some() || columns.longitude.is_some();
-    let projected = columns.easting.is_some() || columns.northing.is_some();
-    let ecef = columns.x.is_some() || columns.y.is_some() || columns.z.is_some();
-    let missing = |name: &str| {
-        resolver.error(columns, format!("the position lacks the column `{name}`")).help(format!(
-            "add `{name} = {{ column = \"<column>\", unit = \"...\" }}` to [georeference.log.columns]"
-        ))
-    };
-    let need = |column: &Option<Located<LengthColumnSpec>>, name: &str| {
-        column.as_ref().map(|column| column.number()).ok_or_else(|| missing(name))
-    };
-    match (geodetic, projected, ecef) {
-        (true, false, false) => {
-            resolver.unused(&spec.position_crs, "position_crs", "latitude and longitude are WGS 84")?;
-            let need = |column: &Option<Located<CoordinateColumnSpec>>, name: &str| {
-                column.as_ref().map(|column| column.number()).ok_or_else(|| missing(name))
-            };
-            Ok(PositionColumns::Geodetic {
-                latitude: need(&columns.latitude, "latitude")?,
-                longitude: need(&columns.longitude, "longitude")?,
-                height: height(spec, resolver)?,
-            })
-        }
-        (false, true, false) => {
-            let crs = spec.position_crs.clone().ok_or_else(|| {
-                resolver
-                    .error(columns, "easting and northing need their CRS")
-                    .help("add `position_crs = \"EPSG:...\"` to [georeference.log]")
-            })?;
-            Ok(PositionColumns::Projected {
-                easting: need(&columns.easting, "easting")?,
-                northing: need(&columns.northing, "northing")?,
-                crs,
-                height: height(spec, resolver)?,
-            })
-        }
-        (false, false, true) => {
-            resolver.unused(&spec.position_crs, "position_crs", "x, y, z are ECEF (WGS 84)")?;
-            resolver.unused(&columns.height, "height", "x, y, z hold the height")?;
-            resolver.unused(&spec.takeoff_height, "takeoff_height", "x, y, z hold the height")?;
-            Ok(PositionColumns::Ecef {
-                x: need(&columns.x, "x")?,
-                y: need(&columns.y, "y")?,
-                z: need(&columns.z, "z")?,
-            })
-        }
-        (false, false, false) => Err(resolver.error(columns, "the log's columns hold no position").help(
-            "declare latitude and longitude, or easting and northing with `position_crs`, or x, y, z (ECEF)",
-        )),
-        _ => Err(resolver
-            .error(columns, "the position is declared more than once")
-            .help("keep one of: latitude and longitude; easting and northing; x, y, z")),
+    let max_gap = spec.max_gap.get_or_insert_with(|| Located::unplaced(Duration::new(1.0)));
+    if max_gap.seconds() <= 0.0 {
+        return Err(resolver.error(max_gap, format!("`max_gap` is {}; it must be above 0", max_gap.value)));
     }
-}
-
-fn height(spec: &LogSpec, resolver: &Resolver) -> Result<HeightColumn, ConfigError> {
-    let column = spec.columns.height.as_ref().ok_or_else(|| {
-        resolver
-            .error(&spec.columns, "the position lacks the column `height`")
-            .help("add `height = { column = \"<column>\", unit = \"m\", datum = \"ellipsoid\" }` (or egm96, above_ground, above_takeoff) to [georeference.log.columns]")
-    })?;
-    let datum = match (column.datum, &spec.takeoff_height) {
-        (HeightColumnDatum::AboveTakeoff, Some(takeoff)) => HeightReference::AboveTakeoff(takeoff.height()),
-        (HeightColumnDatum::AboveTakeoff, None) => {
+    let max_gap_s = max_gap.seconds();
+    let frames = frame_times(source, kind, frames, resolver)?;
+    if kind == JoinKind::Time {
+        resolver.unused(&spec.clock_offset_std, "clock_offset_std", "frames are joined by time")?;
+        let clock_offset = spec.clock_offset.get_or_insert_with(|| Located::unplaced(Duration::new(0.0)));
+        return Ok(Join::Time { max_gap_s, clock_offset_s: clock_offset.seconds(), frames });
+    }
+    let clock_offset = match (&spec.clock_offset, &spec.clock_offset_std) {
+        (None, None) => None,
+        (None, Some(std)) => {
             return Err(resolver
-                .error(column, "a height above take-off needs the height of the take-off point")
-                .help(
-                    "add `takeoff_height = { value = \"... m\", datum = \"egm96\" }` to [georeference.log]",
-                ));
+                .error(std, "`clock_offset_std` says how well a `clock_offset` is known, and there is none")
+                .help("add `clock_offset`, or remove `clock_offset_std`"));
         }
-        (datum, takeoff) => {
-            resolver.unused(takeoff, "takeoff_height", "the height column is not `above_takeoff`")?;
-            match datum {
-                HeightColumnDatum::Ellipsoid => HeightReference::Ellipsoid,
-                HeightColumnDatum::Egm96 => HeightReference::Egm96,
-                _ => HeightReference::AboveGround,
-            }
+        (Some(_), Some(std)) if std.seconds() <= 0.0 => {
+            return Err(resolver.error(std, "`clock_offset_std` must be above 0"));
         }
+        (Some(offset), std) => Some((offset.seconds(), std.as_ref().map_or(1.0, |std| std.seconds()))),
     };
-    let column = NumberColumn { column: column.column.clone(), factor: column.unit.metres() };
-    Ok(HeightColumn { column, datum })
+    Ok(Join::Match { max_gap_s, clock_offset, frames })
 }
 
-fn attitude(
-    columns: &Located<ColumnsSpec>,
+/// When frames were taken: by their table, or by themselves.
+fn frame_times(
+    source: &LogSource,
+    join: JoinKind,
+    frames: &mut Option<Located<FramesSpec>>,
     resolver: &Resolver,
-) -> Result<Option<AttitudeColumns>, ConfigError> {
-    match (&columns.yaw, &columns.pitch, &columns.roll) {
-        (None, None, None) => Ok(None),
-        (Some(yaw), Some(pitch), Some(roll)) => Ok(Some(AttitudeColumns {
-            yaw: YawColumn {
-                column: NumberColumn { column: yaw.column.clone(), factor: yaw.unit.radians() },
-                sense: yaw.sense,
-            },
-            pitch: pitch.number(),
-            roll: roll.number(),
-        })),
-        (yaw, pitch, _) => {
-            let missing = if yaw.is_none() {
-                ("yaw", "clockwise_from_true_north")
-            } else if pitch.is_none() {
-                ("pitch", "nose_up")
-            } else {
-                ("roll", "right_wing_down")
-            };
-            let (name, sense) = missing;
-            Err(resolver.error(columns, format!("the attitude lacks the column `{name}`")).help(format!(
-                "add `{name} = {{ column = \"<column>\", unit = \"deg\", sense = \"{sense}\" }}` to [georeference.log.columns]"
-            )))
+) -> Result<FrameTimes, ConfigError> {
+    let Some(frames) = frames else { return Ok(FrameTimes::Photos { utc_offset_s: None }) };
+    let Some(file) = &frames.file else {
+        let because = "without `file` the photos themselves say when they were taken";
+        resolver.unused(&frames.delimiter, "delimiter", because)?;
+        resolver.unused(&frames.columns, "columns", because)?;
+        let utc_offset_s = frames.utc_offset.as_ref().map(|offset| offset.seconds());
+        if let Some(offset) = &frames.utc_offset
+            && offset.seconds().abs() > 14.0 * 3600.0
+        {
+            return Err(resolver.error(offset, "`utc_offset` lies beyond ±14 h, where no zone is"));
         }
+        return Ok(FrameTimes::Photos { utc_offset_s });
+    };
+    let file = resolver.path(file)?;
+    resolver.unused(&frames.utc_offset, "utc_offset", "the frames' table states the times")?;
+    let delimiter = delimiter(&mut frames.value.delimiter, resolver)?;
+    let columns = frames.columns.as_ref().ok_or_else(|| {
+        resolver
+            .error(frames, "the frames' table needs `columns`")
+            .help("add `columns = { frame = \"...\", time = { column = \"...\", format = \"...\" } }`")
+    })?;
+    // Aligning two series finds the offset between their clocks; interpolating needs them to be one.
+    if let (JoinKind::Time, LogSource::Table(log)) = (join, source)
+        && let Some(time) = &log.time
+    {
+        let (log_clock, frame_clock) = (time.format.clock(), columns.time.format.clock());
+        if log_clock != frame_clock {
+            return Err(resolver
+                .error(
+                    &columns.time,
+                    format!("the frames' times count on {frame_clock}, the log's on {log_clock}"),
+                )
+                .help("give both tables times on the same clock, or align them with `join = \"match\"`"));
+        }
+    }
+    Ok(FrameTimes::Table(Box::new(FrameTable {
+        file,
+        delimiter,
+        frame: columns.frame.clone(),
+        time: columns.time.value.clone(),
+    })))
+}
+
+/// A course stands for the nose only with a statement of how far off it may be.
+fn crab(
+    spec: &Located<LogSpec>,
+    heading: Option<YawReference>,
+    resolver: &Resolver,
+) -> Result<Option<f64>, ConfigError> {
+    let is_course = heading == Some(YawReference::Course);
+    match &spec.crab_std {
+        Some(crab) if crab.radians() < 0.0 => Err(resolver.error(crab, "`crab_std` is negative")),
+        Some(crab) if is_course => Ok(Some(crab.radians())),
+        Some(_) => resolver
+            .unused(&spec.crab_std, "crab_std", "yaw is not declared to be the course over ground")
+            .map(|()| None),
+        None if is_course => Err(resolver
+            .error(spec, "yaw is the course over ground: how far the nose may be off it must be stated")
+            .help("add `crab_std = \"10 deg\"` to [georeference.log] (one standard deviation; wind of a third of the air speed makes 20 deg)")),
+        None => Ok(None),
     }
 }
 
-/// A fixed angle of the mount, radians.
-pub(super) fn radians(angle: Option<&Located<Angle>>) -> f64 {
-    angle.map_or(0.0, |angle| angle.radians())
+impl TimeFormat {
+    /// Whether its values are instants of UTC.
+    pub fn is_utc(self) -> bool {
+        matches!(self, Self::Iso8601 | Self::UnixSeconds)
+    }
 }

@@ -4,6 +4,7 @@ use crate::geodesy::{Geodetic, MapPoint, MapProjection, ProjectionError};
 use gdal::spatial_ref::{AxisMappingStrategy, CoordTransform, CoordTransformOptions, SpatialRef};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What can be wrong with a CRS.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -59,8 +60,23 @@ fn traditional(mut srs: SpatialRef) -> SpatialRef {
     srs
 }
 
+/// Whether PROJ may fetch grids from the network; off unless the pipeline file asks for it.
+static NETWORK: AtomicBool = AtomicBool::new(false);
+
+/// Lets PROJ fetch missing grids from the network, from now on.
+pub fn allow_network() {
+    NETWORK.store(true, Ordering::Relaxed);
+}
+
+/// PROJ's default depends on its configuration; here it is what this program says.
+fn settle_network() {
+    // SAFETY: a plain setter of the C library, safe from any thread.
+    unsafe { gdal_sys::OSRSetPROJEnableNetwork(i32::from(NETWORK.load(Ordering::Relaxed))) };
+}
+
 /// A spatial reference by any definition GDAL reads, with easting or longitude first.
 pub(crate) fn spatial_ref(definition: &str) -> Result<SpatialRef, CrsError> {
+    settle_network();
     SpatialRef::from_definition(definition)
         .map(traditional)
         .map_err(|_| CrsError::Unknown { definition: definition.to_owned() })

@@ -9,6 +9,8 @@ use crate::geodesy::{HeightKind, MapPoint};
 use crate::geometry::attitude::{OmegaPhiKappa, YawPitchRoll};
 use crate::geometry::{Camera, Displacement, Ecef, Ned, Point, Rotation};
 use crate::navigation::{GimbalAngles, GimbalReference};
+
+pub use crate::navigation::Sample;
 use crate::units::{Radians, Seconds};
 use std::sync::Arc;
 
@@ -23,17 +25,6 @@ pub enum Clock {
     Own,
     /// Civil time of a zone that nobody stated: seconds since 1970-01-01 as the clock on the wall showed them.
     Local,
-}
-
-/// A value of a series in time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample<T> {
-    /// Place in the file: line of a text, number of the record otherwise; from 1.
-    pub place: u64,
-    /// On the log's [`Clock`].
-    pub time: Seconds,
-    /// The value.
-    pub value: T,
 }
 
 /// A position as the log states it.

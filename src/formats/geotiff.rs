@@ -473,7 +473,7 @@ fn write_failed(path: &Path) -> impl Fn(String) -> GeotiffError {
     move |cause| GeotiffError::Write { path: path.clone(), cause }
 }
 
-/// GDAL, once for the process: a bounded cache, and no network.
+/// GDAL, once for the process: a bounded cache.
 pub fn set_up() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -485,7 +485,6 @@ pub fn set_up() {
         }
         unsafe {
             gdal_sys::GDALSetCacheMax64(GDAL_CACHE as i64);
-            gdal_sys::OSRSetPROJEnableNetwork(0);
         }
         offered_compressions();
     });

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::config::georeference::Ground;
-use crate::config::log::Join;
+use crate::config::log::FrameTimes;
 use crate::config::run::Requirement;
 use crate::config::{CameraSource, Config, Located};
 use crate::formats::files;
@@ -52,8 +52,10 @@ pub fn declared(config: &Config) -> (Vec<Input>, Vec<StageError>) {
     }
     if let Some(georeference) = &config.georeference {
         found.images(Stage::Georeference, "georeference.images", &georeference.images);
-        found.file(Stage::Georeference, "georeference.log.file", &georeference.log.file);
-        if let Join::Time { frames, .. } = &georeference.log.join {
+        if let Some(file) = georeference.log.file() {
+            found.file(Stage::Georeference, "georeference.log.file", file);
+        }
+        if let Some(FrameTimes::Table(frames)) = georeference.log.join.frames() {
             found.file(Stage::Georeference, "georeference.frames.file", &frames.file);
         }
         if let Ground::Dem { file, .. } = &georeference.ground {

@@ -1,26 +1,32 @@
 //! `georeference`: frames and log in, one pose and footprint per frame out.
 
 mod ground;
+mod join;
 mod poses;
+mod sources;
+
+pub use poses::PoseSource;
 
 use super::context::{ErrorClass, FrameStatus, RunContext, StageError};
-use crate::camera::Camera;
+use crate::camera::{Camera, PixelRotation};
 use crate::config::georeference::{Crs, Georeference, Ground};
-use crate::config::log::Join;
+use crate::config::log::{FrameTimes, Join};
 use crate::config::{Config, Located};
 use crate::formats::InputError;
-use crate::formats::crs::Projection;
+use crate::formats::crs::{self, Projection};
 use crate::formats::files;
+use crate::formats::flight::{BadRecord, FlightLog};
 use crate::formats::geoid::Geoid;
-use crate::formats::log::{BadRow, LogRow, read_frame_times, read_log};
 use crate::formats::photo::{self, PhotoHeader};
 use crate::geodesy::{Geodetic, MapProjection, WGS84, grid_convergence};
 use crate::geometry::attitude::{OmegaPhiKappa, YawPitchRoll};
 use crate::geometry::{Body, Camera as Camera3, Point, Rotation};
 use crate::georeference::{Chain, GeoreferencedFrame};
-use crate::navigation::{GimbalAngles, Mount, NavigationRecord, Track};
+use crate::navigation::{GimbalAngles, Mount};
 use crate::units::Seconds;
 use ground::SurveyGround;
+use join::Poses;
+use poses::{Conventions, Posed};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -46,6 +52,8 @@ pub struct Georeferenced {
     pub projection: Projection,
     /// What the user should know but need not act on.
     pub notes: Vec<String>,
+    /// Where the pose of each usable frame came from.
+    pub sources: BTreeMap<String, PoseSource>,
 }
 
 /// Ground is looked for within this many heights above it, unless the pipeline file says otherwise.
@@ -57,75 +65,43 @@ const RANGE_IN_HEIGHTS: f64 = 20.0;
 /// [`InputError`] for what stops the whole survey: an unreadable log, folder or elevation model, an
 /// unknown CRS, no usable frame. What concerns one frame rejects that frame.
 pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Georeferenced, InputError> {
-    let images = image_names(declared)?;
-    let geoid = declared.geoid_undulation_m.map_or(Geoid::Egm96, Geoid::Constant);
-    let table = read_log(&declared.log)?;
-    let near = poses::first_place(declared, &table)?;
-    let ground = SurveyGround::load(&declared.ground, near.as_ref(), &geoid)?;
-    let (records, bad) = poses::records(declared, table, |at| product_crs(declared, at), &geoid, &|at| {
-        ground.heights(at, &geoid)
-    })?;
-    let mut notes = Vec::new();
-    if records.is_empty() {
-        return Err(no_rows(declared, &bad));
+    if declared.network {
+        crs::allow_network();
     }
-    let centre = middle(&records);
+    let images = image_names(declared)?;
+    let geoid = declared.geoid_undulation_m.map_or(Geoid::Grids, Geoid::Constant);
+    let mut notes = Vec::new();
+    let log = sources::log(declared)?;
+    notes.extend(log.notes.iter().cloned());
+    let near = sources::near(declared, &log)?;
+    let ground = SurveyGround::load(&declared.ground, near.as_ref(), &geoid)?;
+    let under = |at: &[Geodetic]| ground.heights(at, &geoid);
+    let product_grid = || match &near {
+        Some(near) => product_crs(declared, near),
+        None => Err(no_rows(declared, &log.bad)),
+    };
+    let conventions = Conventions::new(declared, &log, product_grid, &geoid, &under)?;
+    let poses = poses_of_images(declared, &images, &log, &conventions, &mut notes)?;
+    let centre = middle(&poses).ok_or_else(|| no_pose(declared, &images, &log.bad, &poses))?;
     let projection = product_crs(declared, &centre)?;
     notes.extend(scale_note(&projection, &centre));
-    let file = declared.log.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let mut poses = match &declared.log.join {
-        Join::Name { .. } => by_name(&images, records, bad, &file, &mut notes),
-        Join::Time { max_gap_s, clock_offset_s, frames, .. } => {
-            if !bad.is_empty() {
-                notes.push(format!(
-                    "{} of {file}'s rows cannot be used; the first: line {}: {}",
-                    bad.len(),
-                    bad[0].line,
-                    bad[0].cause
-                ));
-            }
-            let track = Track::new(records.into_iter().map(|(_, record)| record).collect()).map_err(|e| {
-                InputError::new(&declared.log.file, e.to_string()).caused_by(&declared.log.file)
-            })?;
-            let times = read_frame_times(frames)?;
-            let name = frames.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let mut named: BTreeMap<String, Vec<_>> = BTreeMap::new();
-            for time in times {
-                named.entry(time.frame.clone()).or_default().push(time);
-            }
-            let poses = images
-                .iter()
-                .map(|image| match named.remove(image).as_deref() {
-                    None => Err(format!("no row of {name} names it")),
-                    Some([only]) => only
-                        .time
-                        .clone()
-                        .map_err(|cause| format!("{name}, line {}: {cause}", only.line))
-                        .and_then(|time| {
-                            let exposure = Seconds::new(time.get() + clock_offset_s);
-                            track.at(exposure, Seconds::new(*max_gap_s)).map_err(|e| e.to_string())
-                        }),
-                    Some(several) => Err(several_rows(&name, several.iter().map(|t| t.line))),
-                })
-                .collect();
-            unmatched(named.keys(), &name, &mut notes);
-            poses
-        }
-    };
-    let mount = poses::mount(declared);
-    let results: Vec<Result<GeoreferencedFrame, RejectedFrame>> = images
+    let poses = turned(declared, &images, poses)?;
+    let results: Vec<Result<(GeoreferencedFrame, PoseSource), RejectedFrame>> = images
         .par_iter()
-        .zip(poses.par_drain(..))
-        .map(|(name, record): (&String, Result<NavigationRecord, String>)| {
-            record
-                .and_then(|record| frame(declared, name, record, &mount, camera, &ground, &geoid))
+        .zip(poses)
+        .map(|(name, posed)| {
+            posed
+                .and_then(|posed| frame(declared, name, posed, camera, &ground, &geoid))
                 .map_err(|reason| RejectedFrame { frame: name.clone(), reason })
         })
         .collect();
-    let (mut frames, mut rejected) = (Vec::new(), Vec::new());
+    let (mut frames, mut rejected, mut sources) = (Vec::new(), Vec::new(), BTreeMap::new());
     for result in results {
         match result {
-            Ok(frame) => frames.push(frame),
+            Ok((frame, source)) => {
+                sources.insert(frame.name.clone(), source);
+                frames.push(frame);
+            }
             Err(reason) => rejected.push(reason),
         }
     }
@@ -138,10 +114,80 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
         .caused_by(&declared.images));
     }
     notes.extend(ground.fallback_note(&frames));
-    if declared.log.attitude.as_ref().is_some_and(|a| a.yaw.is_course()) {
-        notes.push("yaw is the course over ground, as declared: the crab angle is not corrected".to_owned());
+    notes.extend(crab_note(declared));
+    Ok(Georeferenced { frames, rejected, projection, notes, sources })
+}
+
+/// A pose for each image, or why it has none.
+fn poses_of_images(
+    declared: &Georeference,
+    images: &[String],
+    log: &FlightLog,
+    conventions: &Conventions<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Poses, InputError> {
+    let file = declared.log.file().map_or_else(|| "the photos".to_owned(), |file| base_name(file));
+    match &declared.log.join {
+        Join::Name => join::by_name(images, log, &file, conventions, notes),
+        Join::Time { max_gap_s, clock_offset_s, frames } => {
+            if let Some(first) = log.bad.first() {
+                notes.push(format!(
+                    "{} of {file}'s rows cannot be used; the first: line {}: {}",
+                    log.bad.len(),
+                    first.place,
+                    first.cause
+                ));
+            }
+            let track =
+                conventions.track(log, notes)?.ok_or_else(|| no_rows(declared, &log.bad))?;
+            let times = sources::times(frames, images, notes)?;
+            let (offset, max_gap) = (Seconds::new(*clock_offset_s), Seconds::new(*max_gap_s));
+            Ok(join::by_time(images, &times, offset, &track, max_gap, conventions))
+        }
     }
-    Ok(Georeferenced { frames, rejected, projection, notes })
+}
+
+fn base_name(file: &Path) -> String {
+    file.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Turns of stored pixels: the record's own, or the list of turned frames, on top of the mount's.
+fn turned(declared: &Georeference, images: &[String], mut poses: Poses) -> Result<Poses, InputError> {
+    let mut listed: BTreeMap<&str, PixelRotation> = BTreeMap::new();
+    for group in &declared.mount.turned_frames {
+        for name in &group.frames {
+            if !images.contains(name) {
+                return Err(InputError::of_setting(
+                    name,
+                    format!("`turned_frames` names \"{}\", and no image of the folder has that name", name.value),
+                ));
+            }
+            let again = listed.insert(name, poses::pixel_rotation(group.clockwise));
+            if again.is_some() {
+                return Err(InputError::of_setting(
+                    name,
+                    format!("`turned_frames` names \"{}\" more than once", name.value),
+                ));
+            }
+        }
+    }
+    for (image, posed) in images.iter().zip(&mut poses) {
+        let Ok(posed) = posed else { continue };
+        let own = listed.get(image.as_str()).copied().or(posed.record.pixel_rotation);
+        let all = posed.mount.pixel_rotation;
+        posed.record.pixel_rotation =
+            own.map(|own| PixelRotation::from_quarter_turns(i64::from(own.degrees() + all.degrees()) / 90));
+    }
+    Ok(poses)
+}
+
+/// What to say about a course that stands for the nose.
+fn crab_note(declared: &Georeference) -> Option<String> {
+    let crab = crate::units::Radians::new(declared.log.crab_std_rad?).degrees();
+    Some(format!(
+        "yaw is the course over ground, as declared: the crab angle is not corrected, {crab:.1} deg (1 sigma) of it \
+         count as error of the yaw"
+    ))
 }
 
 /// File names of the folder's images, in order.
@@ -159,14 +205,33 @@ fn image_names(declared: &Georeference) -> Result<Vec<String>, InputError> {
         .collect()
 }
 
-fn no_rows(declared: &Georeference, bad: &[BadRow]) -> InputError {
+fn no_rows(declared: &Georeference, bad: &[BadRecord]) -> InputError {
     let cause = match bad.first() {
-        None => "has no rows below its header".to_owned(),
+        None => "has no positions".to_owned(),
         Some(row) => {
-            format!("has no usable row; the first of {}: line {}: {}", bad.len(), row.line, row.cause)
+            format!("has no usable row; the first of {}: line {}: {}", bad.len(), row.place, row.cause)
         }
     };
-    InputError::new(&declared.log.file, cause).caused_by(&declared.log.file)
+    of_log(declared, cause)
+}
+
+/// No image has a pose.
+fn no_pose(declared: &Georeference, images: &[String], bad: &[BadRecord], poses: &Poses) -> InputError {
+    let first = images.iter().zip(poses).find_map(|(image, posed)| Some((image, posed.as_ref().err()?)));
+    match first {
+        Some((image, cause)) if bad.len() < images.len() => of_log(
+            declared,
+            format!("gives none of the {} images a pose; the first: {image}: {cause}", images.len()),
+        ),
+        _ => no_rows(declared, bad),
+    }
+}
+
+fn of_log(declared: &Georeference, cause: String) -> InputError {
+    match declared.log.file() {
+        Some(file) => InputError::new(file, cause).caused_by(file),
+        None => InputError::new(&declared.images, cause).caused_by(&declared.images),
+    }
 }
 
 fn product_crs(declared: &Georeference, at: &Geodetic) -> Result<Projection, InputError> {
@@ -205,93 +270,24 @@ fn scale_note(projection: &Projection, at: &Geodetic) -> Option<String> {
 }
 
 /// The mean position, which no meridian can split.
-fn middle(records: &[(LogRow, NavigationRecord)]) -> Geodetic {
-    let sum = records
-        .iter()
-        .map(|(_, r)| WGS84.ecef_from_geodetic(&r.antenna).vector())
+fn middle(poses: &Poses) -> Option<Geodetic> {
+    let antennas = || poses.iter().flatten().map(|posed| &posed.record.antenna);
+    let sum = antennas()
+        .map(|antenna| WGS84.ecef_from_geodetic(antenna).vector())
         .fold(nalgebra::Vector3::zeros(), |a, b| a + b);
-    WGS84.geodetic_from_ecef(&Point::from_vector(sum / records.len() as f64))
-}
-
-/// The record of each image, by the name its row gives.
-fn by_name(
-    images: &[String],
-    records: Vec<(LogRow, NavigationRecord)>,
-    bad: Vec<BadRow>,
-    file: &str,
-    notes: &mut Vec<String>,
-) -> Vec<Result<NavigationRecord, String>> {
-    // A log may leave the extension out; it must then name one image only.
-    let stems = |name: &str| Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned());
-    let mut by_stem: BTreeMap<String, Vec<&String>> = BTreeMap::new();
-    for image in images {
-        by_stem.entry(stems(image).unwrap_or_default()).or_default().push(image);
-    }
-    let image_of = |row: &str| {
-        if images.iter().any(|i| i == row) {
-            return row.to_owned();
-        }
-        match by_stem.get(row).map(Vec::as_slice) {
-            Some([only]) => (*only).clone(),
-            _ => row.to_owned(),
-        }
-    };
-    /// A row's line and what it says.
-    type Said = (u64, Result<NavigationRecord, String>);
-    let mut rows: BTreeMap<String, Vec<Said>> = BTreeMap::new();
-    for (row, record) in records {
-        let image = image_of(row.frame.as_deref().unwrap_or_default());
-        rows.entry(image).or_default().push((row.line, Ok(record)));
-    }
-    let mut nameless = 0;
-    for row in bad {
-        match row.frame.filter(|name| !name.is_empty()) {
-            None => nameless += 1,
-            Some(name) => {
-                let cause = format!("{file}, line {}: {}", row.line, row.cause);
-                rows.entry(image_of(&name)).or_default().push((row.line, Err(cause)));
-            }
-        }
-    }
-    if nameless > 0 {
-        notes.push(format!("{nameless} rows of {file} name no frame"));
-    }
-    let poses = images
-        .iter()
-        .map(|image| match rows.remove(image) {
-            None => Err(format!("no row of {file} names it")),
-            Some(mut rows) if rows.len() == 1 => rows.swap_remove(0).1,
-            Some(rows) => Err(several_rows(file, rows.iter().map(|(line, _)| *line))),
-        })
-        .collect();
-    unmatched(rows.keys(), file, notes);
-    poses
-}
-
-fn several_rows(file: &str, lines: impl Iterator<Item = u64>) -> String {
-    let mut lines: Vec<u64> = lines.collect();
-    lines.sort_unstable();
-    let lines: Vec<String> = lines.iter().map(u64::to_string).collect();
-    format!("{file} names it more than once (lines {})", lines.join(", "))
-}
-
-fn unmatched<'a>(names: impl ExactSizeIterator<Item = &'a String>, file: &str, notes: &mut Vec<String>) {
-    let count = names.len();
-    let mut names = names;
-    if let Some(first) = names.next() {
-        notes.push(format!("{count} rows of {file} name no image of the folder; the first: \"{first}\""));
-    }
+    let count = antennas().count();
+    (count > 0).then(|| WGS84.geodetic_from_ecef(&Point::from_vector(sum / count as f64)))
 }
 
 fn frame(
     declared: &Georeference,
     name: &str,
-    record: NavigationRecord,
-    mount: &Mount,
+    posed: Posed,
     camera: &Arc<Camera>,
     ground: &SurveyGround,
     geoid: &Geoid,
-) -> Result<GeoreferencedFrame, String> {
+) -> Result<(GeoreferencedFrame, PoseSource), String> {
+    let Posed { record, mount, source } = posed;
     let rotation = record.pixel_rotation.unwrap_or(mount.pixel_rotation);
     let PhotoHeader { width, height, .. } =
         photo::read_header(&declared.images.join(name)).map_err(|e| e.cause)?;
@@ -302,7 +298,7 @@ fn frame(
             expected.0, expected.1
         ));
     }
-    let centre = WGS84.geodetic_from_ecef(&Chain::new(&record, mount).ecef_from_camera().origin);
+    let centre = WGS84.geodetic_from_ecef(&Chain::new(&record, &mount).ecef_from_camera().origin);
     let terrain = ground.under(&record, &centre, geoid)?;
     let max_range_m = match declared.footprint_max_range_m {
         Some(range) => range,
@@ -315,7 +311,7 @@ fn frame(
             RANGE_IN_HEIGHTS * above
         }
     };
-    let frame = GeoreferencedFrame::new(name.to_owned(), record, mount, camera.clone(), terrain, max_range_m)
+    let frame = GeoreferencedFrame::new(name.to_owned(), record, &mount, camera.clone(), terrain, max_range_m)
         .map_err(|e| e.to_string())?;
     if let Some(limit) = declared.max_off_nadir_rad
         && frame.footprint.off_nadir > limit
@@ -327,7 +323,7 @@ fn frame(
             degrees(limit)
         ));
     }
-    Ok(frame)
+    Ok((frame, source))
 }
 
 /// Georeferences the survey and writes `frames.csv`, `footprints.geojson` and, on request, one orthorectified
@@ -341,8 +337,10 @@ pub fn run(config: &Config, camera: &Arc<Camera>, context: &RunContext) -> Resul
         .as_ref()
         .ok_or_else(|| StageError::pipeline("the pipeline has no [georeference] table"))?;
     let survey = georeference(declared, camera).map_err(|e| failed(config, e))?;
-    context.record_input(&declared.log.file);
-    if let Join::Time { frames, .. } = &declared.log.join {
+    if let Some(file) = declared.log.file() {
+        context.record_input(file);
+    }
+    if let Some(FrameTimes::Table(frames)) = declared.log.join.frames() {
         context.record_input(&frames.file);
     }
     if let Ground::Dem { file, .. } = &declared.ground {

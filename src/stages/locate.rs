@@ -10,7 +10,7 @@ use crate::accuracy::{AngleStd, ErrorModel, FramePropagation};
 use crate::camera::ImagePoint;
 use crate::config::Config;
 use crate::config::accuracy::{CameraSpread, Sigmas};
-use crate::config::log::VerticalDatum;
+use crate::config::height::VerticalDatum;
 use crate::formats::geoid::Geoid;
 use crate::geodesy::{Geodetic, MapProjection};
 use crate::georeference::{GeoreferencedFrame, LocateError};
@@ -94,7 +94,7 @@ impl<'s> Locator<'s> {
                 .iter()
                 .map(|rejected| (rejected.frame.as_str(), rejected.reason.as_str()))
                 .collect(),
-            geoid: geoid.map_or(Geoid::Egm96, Geoid::Constant),
+            geoid: geoid.map_or(Geoid::Grids, Geoid::Constant),
             crs: survey.projection.definition().to_owned(),
         }
     }
@@ -203,16 +203,24 @@ impl<'s> Locator<'s> {
     fn height(&self, prepared: &Prepared<'_>, asked: &Asked) -> Result<Option<f64>, String> {
         match asked.ground {
             None => Ok(None),
-            Some((metres, VerticalDatum::Ellipsoid)) => Ok(Some(metres)),
-            Some((metres, VerticalDatum::Egm96)) => self.above_ellipsoid(prepared, asked, metres).map(Some),
+            Some((metres, datum)) => self.above_ellipsoid(prepared, asked, metres, datum).map(Some),
         }
     }
 
-    /// A height above the geoid at the very place it belongs to: the undulation is taken where the pixel lands with it.
-    fn above_ellipsoid(&self, prepared: &Prepared<'_>, asked: &Asked, metres: f64) -> Result<f64, String> {
+    /// A height at the very place it belongs to: the undulation is taken where the pixel lands with it.
+    fn above_ellipsoid(
+        &self,
+        prepared: &Prepared<'_>,
+        asked: &Asked,
+        metres: f64,
+        datum: VerticalDatum,
+    ) -> Result<f64, String> {
         let undulation = |at: Geodetic| -> Result<f64, String> {
-            Ok(self.geoid.undulations(&[at]).map_err(|error| error.to_string())?[0])
+            Ok(self.geoid.above_ellipsoid(datum, &[at]).map_err(|error| error.to_string())?[0])
         };
+        if datum == VerticalDatum::Ellipsoid {
+            return Ok(metres);
+        }
         // The undulation changes by centimetres per kilometre: one step from the camera's own place suffices.
         let camera = prepared.frame.record.antenna;
         let first = metres + undulation(camera)?;

@@ -7,7 +7,7 @@ use crate::cli::args::LocateArguments;
 use crate::cli::exit::ExitClass;
 use crate::cli::output::print;
 use crate::config::Config;
-use crate::config::log::VerticalDatum;
+use crate::config::height::VerticalDatum;
 use crate::formats::InputError;
 use crate::formats::table::{Column, Row, Table};
 use crate::stages::locate::{Asked, Location, Locator};

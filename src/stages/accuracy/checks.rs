@@ -8,7 +8,7 @@ use crate::accuracy::check::{
 use crate::camera::ImagePoint;
 use crate::config::Config;
 use crate::config::accuracy::{Accuracy, CheckGround, CheckPoints, CheckPosition};
-use crate::config::log::VerticalDatum;
+use crate::config::height::VerticalDatum;
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
 use crate::formats::geoid::Geoid;
@@ -32,7 +32,7 @@ pub(super) fn judge(
     let Some(checks) = &declared.check_points else { return Ok(None) };
     let refused = |e: InputError| failed(config, e);
     let undulation = config.georeference.as_ref().and_then(|g| g.geoid_undulation_m);
-    let points = read_points(checks, &undulation.map_or(Geoid::Egm96, Geoid::Constant)).map_err(refused)?;
+    let points = read_points(checks, &undulation.map_or(Geoid::Grids, Geoid::Constant)).map_err(refused)?;
     let observations = read_observations(checks).map_err(refused)?;
     context.record_input(&checks.points);
     context.record_input(&checks.observations);
@@ -140,12 +140,9 @@ fn read_points(checks: &CheckPoints, geoid: &Geoid) -> Result<BTreeMap<String, C
                 .map_err(|e| refuse(line, e.to_string()))?[0],
         };
         let stated = number(height, checks.height.factor)?;
-        let above = match checks.height_datum {
-            VerticalDatum::Ellipsoid => 0.0,
-            VerticalDatum::Egm96 => {
-                geoid.undulations(&[position]).map_err(|e| refuse(line, e.to_string()))?[0]
-            }
-        };
+        let above = geoid
+            .above_ellipsoid(checks.height_datum, &[position])
+            .map_err(|e| refuse(line, e.to_string()))?[0];
         position = position.at_height(stated + above);
         let key = row.text(name).to_owned();
         if points.contains_key(&key) {

@@ -2,12 +2,12 @@
 
 use super::poses::ellipsoidal;
 use crate::config::georeference::{Ground, HeightAboveGround};
-use crate::config::log::{Height, VerticalDatum};
+use crate::config::height::{Height, VerticalDatum};
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
 use crate::formats::elevation::read_elevation;
-use crate::formats::geoid::Geoid;
-use crate::geodesy::{Geodetic, MapPoint, MapProjection};
+use crate::formats::geoid::{Geoid, geoid_of};
+use crate::geodesy::{Geodetic, GeoidModel, MapPoint, MapProjection};
 use crate::georeference::GeoreferencedFrame;
 use crate::navigation::NavigationRecord;
 use crate::raster::Raster;
@@ -46,14 +46,13 @@ impl SurveyGround {
                 match fallback_m {
                     None => Self::Model(Arc::new(model)),
                     Some(metres) => {
-                        let undulation_m = match (datum, near) {
-                            (VerticalDatum::Ellipsoid, _) | (_, None) => 0.0,
-                            (VerticalDatum::Egm96, Some(near)) => geoid
-                                .undulations(&[*near])
-                                .map_err(|e| InputError::new(file, e.to_string()).caused_by(file))?[0],
-                        };
                         let stated = Height { metres: *metres, datum: *datum };
-                        let fallback_m = ellipsoidal(stated, undulation_m);
+                        let fallback_m = match near {
+                            // A log without a usable position is refused before any frame meets the ground.
+                            None => *metres,
+                            Some(near) => ellipsoidal(stated, near, geoid)
+                                .map_err(|e| InputError::new(file, e).caused_by(file))?,
+                        };
                         Self::FilledModel {
                             model: Arc::new(model.clone()),
                             filled: Arc::new(Filled { model, fallback_m }),
@@ -89,16 +88,12 @@ impl SurveyGround {
         Ok(match self {
             Self::Model(terrain) | Self::FilledModel { filled: terrain, .. } => terrain.clone(),
             Self::Plane(height) => {
-                let undulation_m = match height.datum {
-                    VerticalDatum::Ellipsoid => 0.0,
-                    VerticalDatum::Egm96 => geoid.undulations(&[*camera]).map_err(|e| e.to_string())?[0],
-                };
-                Arc::new(ConstantHeight { height_m: ellipsoidal(*height, undulation_m) })
+                Arc::new(ConstantHeight { height_m: ellipsoidal(*height, camera, geoid)? })
             }
             Self::BelowCamera(declared) => {
                 let height_above_ground = match declared {
                     HeightAboveGround::Fixed(metres) => *metres,
-                    HeightAboveGround::Column(_) => {
+                    HeightAboveGround::Logged => {
                         record.height_above_ground_m.ok_or("the log states no height above ground for it")?
                     }
                 };
@@ -114,15 +109,9 @@ impl SurveyGround {
     pub(super) fn heights(&self, at: &[Geodetic], geoid: &Geoid) -> Vec<Result<f64, String>> {
         match self {
             Self::Model(terrain) | Self::FilledModel { filled: terrain, .. } => {
-                super::poses::heights_under(terrain.as_ref(), at)
+                terrain.heights(at).into_iter().map(|h| h.map_err(|e| e.to_string())).collect()
             }
-            Self::Plane(height) => match height.datum {
-                VerticalDatum::Ellipsoid => vec![Ok(height.metres); at.len()],
-                VerticalDatum::Egm96 => match geoid.undulations(at) {
-                    Ok(n) => n.into_iter().map(|n| Ok(ellipsoidal(*height, n))).collect(),
-                    Err(e) => vec![Err(e.to_string()); at.len()],
-                },
-            },
+            Self::Plane(height) => at.iter().map(|at| ellipsoidal(*height, at, geoid)).collect(),
             // Refused when the pipeline file is read: neither height would be known.
             Self::BelowCamera(_) => vec![Err("the ground's own height is not stated".to_owned()); at.len()],
         }
@@ -134,14 +123,14 @@ fn load_dem(file: &std::path::Path, datum: VerticalDatum, geoid: &Geoid) -> Resu
     let raster = read_elevation(file)?;
     let failed = |e: String| InputError::new(file, e);
     let projection = Projection::new(&raster.wkt).map_err(|e| failed(e.to_string()))?;
-    let heights = match datum {
-        VerticalDatum::Ellipsoid => raster.heights,
-        VerticalDatum::Egm96 => {
+    let heights = match geoid_of(datum) {
+        None => raster.heights,
+        Some(model) => {
             let (w, h) = (raster.heights.width(), raster.heights.height());
             let mut samples = Vec::with_capacity(w * h);
             for row in 0..h {
                 // The geoid bends over kilometres: its two ends stand for a row of posts, unless the row is long.
-                let ends = geoid_along_row(&raster.grid, row, w, &projection, geoid).map_err(failed)?;
+                let ends = geoid_along_row(&raster.grid, row, w, &projection, (geoid, model)).map_err(failed)?;
                 for column in 0..w {
                     samples.push(raster.heights.at(column, row) + ends.at(column) as f32);
                 }
@@ -173,7 +162,7 @@ fn geoid_along_row(
     row: usize,
     width: usize,
     projection: &Projection,
-    geoid: &Geoid,
+    (geoid, model): (&Geoid, GeoidModel),
 ) -> Result<RowUndulations, String> {
     /// Undulations change by less than a millimetre within this distance of a straight line between knots.
     const KNOT_SPACING_M: f64 = 500.0;
@@ -182,6 +171,6 @@ fn geoid_along_row(
     let count = width.div_ceil(step) + 1;
     let at: Vec<MapPoint> = (0..count).map(|k| grid.map_from_pixel((k * step) as f64, row as f64)).collect();
     let places = projection.geodetic_from_map(&at).map_err(|e| e.to_string())?;
-    let knots = geoid.undulations(&places).map_err(|e| e.to_string())?;
+    let knots = geoid.undulations(model, &places).map_err(|e| e.to_string())?;
     Ok(RowUndulations { knots, step })
 }

@@ -1,30 +1,58 @@
-//! From log rows to navigation records: datums, north references and gimbal angles applied.
+//! From what a log says to navigation records: datums, north references, gimbal angles and the mount applied.
 
 use crate::camera::PixelRotation;
 use crate::config::georeference::{
-    Georeference, GimbalAngle, GimbalReference as DeclaredReference, LeverArm,
+    Georeference, GimbalAngle, GimbalReference as DeclaredReference, Ground, LeverArm,
     PixelRotation as DeclaredRotation,
 };
-use crate::config::log::{Height, HeightReference, VerticalDatum, YawReference};
+use crate::config::height::{Height, HeightDatum, VerticalDatum};
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
+use crate::formats::flight::{
+    Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, North, Origin, Sample,
+};
 use crate::formats::geoid::Geoid;
-use crate::formats::log::{BadRow, LogRow, LogTable, LoggedPosition};
-use crate::geodesy::{Geodetic, MapProjection, grid_convergence};
+use crate::formats::log::{height_kind, north};
+use crate::geodesy::{Geodetic, HeightKind, LocalTangent, WGS84, grid_convergence};
 use crate::geometry::attitude::YawPitchRoll;
-use crate::geometry::{Displacement, Frame};
-use crate::navigation::{GimbalAngles, GimbalReference, Mount, NavigationRecord};
-use crate::terrain::Terrain;
-use crate::units::{Metres, Radians};
+use crate::geometry::{Body, Camera, Displacement, Frame, Ned, Point, Rotation};
+use crate::navigation::{
+    GimbalAngles, GimbalReference, Mount, NavigationRecord, Track, TrackError, TrackSeries,
+};
+use crate::units::{Metres, Radians, Seconds};
+use std::sync::Arc;
 
-/// The mount as declared, in the types of the chain.
+/// A frame's pose before it meets the ground.
+#[derive(Debug, Clone)]
+pub(super) struct Posed {
+    /// At the instant of exposure.
+    pub record: NavigationRecord,
+    /// How the camera sat then.
+    pub mount: Mount,
+    /// Where it came from.
+    pub source: PoseSource,
+}
+
+/// Where a frame's pose came from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseSource {
+    /// How the frame found it: "line 7 of log.csv names it".
+    pub found: String,
+    /// What each number was read from.
+    pub origins: Arc<[Origin]>,
+    /// What was done to the numbers on the way, in sentences.
+    pub applied: Vec<String>,
+}
+
+/// The mount as declared, in the types of the chain; angles that the log is to give are those of [`GimbalAngles::NADIR`]
+/// until it does.
 pub(super) fn mount(declared: &Georeference) -> Mount {
     let m = &declared.mount;
-    let fixed = |angle: &GimbalAngle| match angle {
-        GimbalAngle::Fixed(radians) => Radians::new(*radians),
-        // Every record brings its own; this one is never looked at.
-        GimbalAngle::Column(_) => Radians::new(0.0),
+    let fixed = |angle: GimbalAngle, otherwise: Radians| match angle {
+        GimbalAngle::Fixed(radians) => Radians::new(radians),
+        GimbalAngle::Logged => otherwise,
     };
+    let nadir = GimbalAngles::NADIR;
     Mount {
         antenna_in_body: displacement(m.antenna_in_body),
         gimbal_in_body: displacement(m.gimbal_in_body),
@@ -34,18 +62,27 @@ pub(super) fn mount(declared: &Georeference) -> Mount {
             Radians::new(m.boresight.pitch_rad),
             Radians::new(m.boresight.roll_rad),
         ),
-        gimbal: GimbalAngles { pan: fixed(&m.pan), elevation: fixed(&m.elevation), roll: fixed(&m.roll) },
+        gimbal: GimbalAngles {
+            pan: fixed(m.pan, nadir.pan),
+            elevation: fixed(m.elevation, nadir.elevation),
+            roll: fixed(m.roll, nadir.roll),
+        },
         gimbal_reference: match m.gimbal_reference {
             DeclaredReference::Body => GimbalReference::Body,
             DeclaredReference::Nav => GimbalReference::Nav,
         },
-        pixel_rotation: PixelRotation::from_quarter_turns(match m.pixel_rotation {
-            DeclaredRotation::None => 0,
-            DeclaredRotation::Quarter => 1,
-            DeclaredRotation::Half => 2,
-            DeclaredRotation::ThreeQuarters => 3,
-        }),
+        pixel_rotation: pixel_rotation(m.pixel_rotation),
     }
+}
+
+/// A declared turn in the type of the chain.
+pub(super) fn pixel_rotation(declared: DeclaredRotation) -> PixelRotation {
+    PixelRotation::from_quarter_turns(match declared {
+        DeclaredRotation::None => 0,
+        DeclaredRotation::Quarter => 1,
+        DeclaredRotation::Half => 2,
+        DeclaredRotation::ThreeQuarters => 3,
+    })
 }
 
 fn displacement<F: Frame>(arm: LeverArm) -> Displacement<F> {
@@ -53,196 +90,477 @@ fn displacement<F: Frame>(arm: LeverArm) -> Displacement<F> {
 }
 
 /// Ellipsoidal height of a stated height at a place.
-pub(super) fn ellipsoidal(height: Height, undulation_m: f64) -> f64 {
-    match height.datum {
-        VerticalDatum::Ellipsoid => height.metres,
-        VerticalDatum::Egm96 => height.metres + undulation_m,
-    }
-}
-
-/// True when any height of the pipeline is above sea level, so that a geoid is needed.
-pub(super) fn needs_geoid(declared: &Georeference) -> bool {
-    use crate::config::georeference::Ground;
-    let log = match declared.log.position.height().map(|h| h.datum) {
-        Some(HeightReference::Egm96) => true,
-        Some(HeightReference::AboveTakeoff(h)) => h.datum == VerticalDatum::Egm96,
-        _ => false,
-    };
-    let ground = match &declared.ground {
-        Ground::Plane(h) => h.datum == VerticalDatum::Egm96,
-        Ground::Dem { datum, .. } => *datum == VerticalDatum::Egm96,
-        Ground::BelowCamera(_) => false,
-    };
-    log || ground
+///
+/// # Errors
+/// Words for a geoid that cannot be had there.
+pub(super) fn ellipsoidal(height: Height, at: &Geodetic, geoid: &Geoid) -> Result<f64, String> {
+    let above = geoid.above_ellipsoid(height.datum, &[*at]).map_err(|e| e.to_string())?[0];
+    Ok(height.metres + above)
 }
 
 /// Answers for ground heights under positions, in order: metres above the ellipsoid, or why there is none.
 pub(super) type HeightsUnder<'a> = &'a dyn Fn(&[Geodetic]) -> Vec<Result<f64, String>>;
 
-/// Rows with their records, in the log's order.
-pub(super) type Records = Vec<(LogRow, NavigationRecord)>;
+/// Brings positions and attitudes of one log to the ellipsoid and to true north.
+pub(super) struct Conventions<'a> {
+    declared: &'a Georeference,
+    geoid: &'a Geoid,
+    /// CRS of projected positions and of the grid that angles count from.
+    grid: Option<Projection>,
+    /// For heights above ground.
+    ground: HeightsUnder<'a>,
+    clock: Clock,
+}
 
-/// Turns every usable row into a record; a row that turns out unusable joins the bad ones.
-///
-/// `ground` is asked only for heights above ground.
-///
-/// # Errors
-/// [`InputError`] for what concerns the whole log: an unknown position CRS, a missing geoid.
-pub(super) fn records(
-    declared: &Georeference,
-    table: LogTable,
-    product_crs: impl FnOnce(&Geodetic) -> Result<Projection, InputError>,
-    geoid: &Geoid,
-    ground: HeightsUnder<'_>,
-) -> Result<(Records, Vec<BadRow>), InputError> {
-    let LogTable { rows, mut bad } = table;
-    let file = &declared.log.file;
-    let mut placed = places(declared, rows, &mut bad)?;
-    let undulations = if needs_geoid(declared) {
-        let at: Vec<Geodetic> = placed.iter().map(|(_, g)| *g).collect();
-        geoid.undulations(&at).map_err(|e| InputError::new(file, e.to_string()).caused_by(file))?
-    } else {
-        vec![0.0; placed.len()]
-    };
-    let under: Vec<Result<f64, String>> =
-        if matches!(declared.log.position.height().map(|h| h.datum), Some(HeightReference::AboveGround)) {
-            ground(&placed.iter().map(|(_, g)| *g).collect::<Vec<_>>())
-        } else {
-            vec![Ok(0.0); placed.len()]
+impl<'a> Conventions<'a> {
+    /// - `product_crs`: the grid that a yaw from grid north counts from where the log has no CRS of its own.
+    ///
+    /// # Errors
+    /// [`InputError`] for a CRS that PROJ does not know or that is missing.
+    pub(super) fn new(
+        declared: &'a Georeference,
+        log: &FlightLog,
+        product_crs: impl FnOnce() -> Result<Projection, InputError>,
+        geoid: &'a Geoid,
+        ground: HeightsUnder<'a>,
+    ) -> Result<Self, InputError> {
+        let own = position_crs(declared, log)?;
+        let grid = match own {
+            Some(projection) => Some(projection),
+            None if needs_grid(declared, log) => Some(product_crs()?),
+            None => None,
         };
-    let grid_north = placed.iter().any(|(row, _)| row.yaw_reference == YawReference::GridNorth);
-    let grid = match placed.first() {
-        Some((_, first)) if grid_north => Some(match position_crs(declared)? {
-            Some(projection) => projection,
-            None => product_crs(first)?,
-        }),
-        _ => None,
-    };
-    let mut records = Vec::with_capacity(placed.len());
-    for (((row, at), n), under) in placed.drain(..).zip(undulations).zip(under) {
-        match record(declared, &row, at, n, under, grid.as_ref()) {
-            Ok(record) => records.push((row, record)),
-            Err(cause) => bad.push(BadRow { line: row.line, frame: row.frame, cause }),
-        }
+        Ok(Self { declared, geoid, grid, ground, clock: log.clock })
     }
-    bad.sort_by_key(|row| row.line);
-    Ok((records, bad))
-}
 
-fn position_crs(declared: &Georeference) -> Result<Option<Projection>, InputError> {
-    use crate::config::log::PositionColumns;
-    match &declared.log.position {
-        PositionColumns::Projected { crs, .. } => {
-            Projection::new(crs).map(Some).map_err(|e| InputError::of_setting(crs, e.to_string()))
-        }
-        _ => Ok(None),
-    }
-}
-
-/// Where the first usable row stands.
-pub(super) fn first_place(declared: &Georeference, table: &LogTable) -> Result<Option<Geodetic>, InputError> {
-    let first: Vec<LogRow> = table.rows.first().cloned().into_iter().collect();
-    Ok(places(declared, first, &mut Vec::new())?.first().map(|(_, at)| *at))
-}
-
-/// Latitude and longitude of every row, at the height it states.
-fn places(
-    declared: &Georeference,
-    rows: Vec<LogRow>,
-    bad: &mut Vec<BadRow>,
-) -> Result<Vec<(LogRow, Geodetic)>, InputError> {
-    let projection = position_crs(declared)?;
-    let mut placed = Vec::with_capacity(rows.len());
-    for row in rows {
-        let at = match (row.position, &projection) {
-            (LoggedPosition::Geodetic { latitude, longitude, height_m, .. }, _) => {
-                Ok(Geodetic { latitude, longitude, height: Metres::new(height_m) })
-            }
-            (LoggedPosition::Ecef(at), _) => Ok(at),
-            (LoggedPosition::Projected { map, height_m, .. }, Some(projection)) => projection
-                .geodetic_from_map(&[map])
-                .map(|at| at[0].at_height(height_m))
-                .map_err(|e| e.to_string()),
-            (LoggedPosition::Projected { .. }, None) => Err("the position has no CRS".to_owned()),
+    /// Positions of the antenna above the ellipsoid, in order.
+    ///
+    /// # Errors
+    /// [`InputError`] for a geoid grid that is not installed: it concerns the whole log.
+    pub(super) fn positions(
+        &self,
+        stated: &[(LoggedPosition, Option<f64>)],
+    ) -> Result<Vec<Result<Geodetic, String>>, InputError> {
+        let mut placed: Vec<Result<(Geodetic, HeightKind), String>> =
+            stated.iter().map(|(position, takeoff)| self.place(position, *takeoff)).collect();
+        let geoid_failed = |e: crate::formats::geoid::GeoidError| match self.declared.log.file() {
+            Some(file) => InputError::new(file, e.to_string()).caused_by(file),
+            None => InputError::of_setting(&self.declared.log.table, e.to_string()),
         };
-        match at {
-            Ok(at) => placed.push((row, at)),
-            Err(cause) => bad.push(BadRow { line: row.line, frame: row.frame, cause }),
-        }
-    }
-    Ok(placed)
-}
-
-fn record(
-    declared: &Georeference,
-    row: &LogRow,
-    at: Geodetic,
-    undulation_m: f64,
-    under: Result<f64, String>,
-    grid: Option<&Projection>,
-) -> Result<NavigationRecord, String> {
-    let stated = at.height.get();
-    let height = match crate::formats::log::logged_height(&row.position).map(|(_, datum)| datum) {
-        None | Some(HeightReference::Ellipsoid) => stated,
-        Some(HeightReference::Egm96) => stated + undulation_m,
-        Some(HeightReference::AboveGround) => {
-            stated
-                + under.map_err(|e| {
-                    format!("its height is above ground, and there is no ground under it: {e}")
-                })?
-        }
-        Some(HeightReference::AboveTakeoff(takeoff)) => stated + ellipsoidal(takeoff, undulation_m),
-    };
-    let antenna = at.at_height(height);
-    let attitude = match row.attitude {
-        None => YawPitchRoll::default(),
-        Some([yaw, pitch, roll]) => {
-            let yaw = match (row.yaw_reference, grid) {
-                (YawReference::GridNorth, Some(grid)) => {
-                    yaw + grid_convergence(grid, &antenna).map_err(|e| e.to_string())?
-                }
-                _ => yaw,
+        for datum in [VerticalDatum::Egm96, VerticalDatum::Egm2008] {
+            let above_geoid = |place: &Result<(Geodetic, HeightKind), String>| {
+                place.as_ref().ok().filter(|(_, kind)| *kind == kind_of(datum)).map(|(at, _)| *at)
             };
-            YawPitchRoll::new(yaw.wrapped(), pitch, roll)
+            let at: Vec<Geodetic> = placed.iter().filter_map(above_geoid).collect();
+            if at.is_empty() {
+                continue;
+            }
+            let mut undulations =
+                self.geoid.above_ellipsoid(datum, &at).map_err(geoid_failed)?.into_iter();
+            for place in placed.iter_mut().filter(|place| above_geoid(place).is_some()) {
+                if let (Ok((at, kind)), Some(n)) = (place, undulations.next()) {
+                    (*at, *kind) = (at.at_height(at.height.get() + n), HeightKind::Ellipsoid);
+                }
+            }
         }
-    };
-    let m = &declared.mount;
-    let angle = |logged: Option<Radians>, declared: &GimbalAngle| match declared {
-        GimbalAngle::Fixed(radians) => Radians::new(*radians),
-        GimbalAngle::Column(_) => logged.unwrap_or_default(),
-    };
-    let any_logged = row.gimbal.iter().any(Option::is_some);
-    let gimbal = any_logged.then(|| GimbalAngles {
-        pan: angle(row.gimbal[0], &m.pan),
-        elevation: angle(row.gimbal[1], &m.elevation),
-        roll: angle(row.gimbal[2], &m.roll),
-    });
-    let course = declared.log.attitude.as_ref().is_some_and(|a| a.yaw.is_course());
-    let velocity = row.velocity.or_else(|| match (course, row.ground_speed_m_s) {
-        (true, Some(speed)) => {
-            let (sin, cos) = attitude.yaw.get().sin_cos();
-            Some(Displacement::new(speed * cos, speed * sin, 0.0))
+        placed.into_iter().map(|place| Ok(place.and_then(|(at, kind)| self.absolute(at, kind)))).collect()
+    }
+
+    /// Latitude and longitude, with the height as stated and what it counts from.
+    fn place(
+        &self,
+        position: &LoggedPosition,
+        above_takeoff: Option<f64>,
+    ) -> Result<(Geodetic, HeightKind), String> {
+        let instead = self.declared.log.height_datum;
+        let height = |height_m: f64, kind: HeightKind| match (instead, above_takeoff) {
+            // A record that states both heights has the one above take-off in a place of its own.
+            (Some(HeightDatum::AboveTakeoff), Some(above)) => (above, HeightKind::AboveTakeoff),
+            (Some(datum), _) => (height_m, height_kind(datum)),
+            (None, _) => (height_m, kind),
+        };
+        match (*position, &self.grid) {
+            (LoggedPosition::Geodetic { latitude, longitude, height_m, kind }, _) => {
+                let (height_m, kind) = height(height_m, kind);
+                Ok((Geodetic { latitude, longitude, height: Metres::new(height_m) }, kind))
+            }
+            (LoggedPosition::Projected { map, height_m, kind }, Some(projection)) => {
+                use crate::geodesy::MapProjection;
+                let (height_m, kind) = height(height_m, kind);
+                let at = projection.geodetic_from_map(&[map]).map_err(|e| e.to_string())?[0];
+                Ok((at.at_height(height_m), kind))
+            }
+            (LoggedPosition::Projected { .. }, None) => Err("the position has no CRS".to_owned()),
+            (LoggedPosition::Ecef(point), _) => Ok((WGS84.geodetic_from_ecef(&point), HeightKind::Ellipsoid)),
         }
-        _ => None,
+    }
+
+    /// Heights that count from a place, brought to the ellipsoid.
+    fn absolute(&self, at: Geodetic, kind: HeightKind) -> Result<Geodetic, String> {
+        let base = match kind {
+            // Sea level has been dealt with for all positions at once.
+            HeightKind::Ellipsoid | HeightKind::SeaLevel(_) => 0.0,
+            HeightKind::AboveTakeoff | HeightKind::Barometric => {
+                let zero = self.declared.log.takeoff.ok_or(
+                    "its height counts from the take-off point, whose own height is not stated (takeoff_height)",
+                )?;
+                ellipsoidal(zero, &at, self.geoid)?
+            }
+            HeightKind::AboveGround => (self.ground)(&[at]).swap_remove(0).map_err(|e| {
+                format!("its height is above ground, and there is no ground under it: {e}")
+            })?,
+        };
+        Ok(at.at_height(at.height.get() + base))
+    }
+
+    /// The series of the log as a track, and the north that its attitudes count from.
+    ///
+    /// Records that do not come after their predecessor are an error in a table, where somebody declared what the times
+    /// are; autopilots repeat records, and a repeated one is left out and counted.
+    ///
+    /// # Errors
+    /// [`InputError`] for what concerns the whole log. `Ok(None)`: the log has no series of positions.
+    pub(super) fn track(
+        &self,
+        log: &FlightLog,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<(Track, SeriesAttitude)>, InputError> {
+        if log.positions.is_empty() {
+            return Ok(None);
+        }
+        let stated: Vec<_> = log.positions.iter().map(|sample| (sample.value, None)).collect();
+        let mut series = TrackSeries::default();
+        let mut unusable: Option<(u64, String, usize)> = None;
+        for (sample, place) in log.positions.iter().zip(self.positions(&stated)?) {
+            match place {
+                Ok(value) => {
+                    series.positions.push(Sample { place: sample.place, time: sample.time, value });
+                }
+                Err(cause) => {
+                    unusable.get_or_insert((sample.place, cause, 0)).2 += 1;
+                }
+            }
+        }
+        if let Some((place, cause, count)) = unusable {
+            notes.push(format!("{count} positions of the log cannot be used; the first: record {place}: {cause}"));
+        }
+        let attitude = series_attitude(log);
+        for Sample { place, time, value } in &log.attitudes {
+            if let LoggedAttitude::Body { angles, .. } | LoggedAttitude::Camera { angles, .. } = value {
+                series.attitudes.push(Sample { place: *place, time: *time, value: *angles });
+            }
+        }
+        for Sample { place, time, value } in &log.gimbals {
+            series.gimbals.push(Sample { place: *place, time: *time, value: value.angles });
+        }
+        series.velocities.clone_from(&log.velocities);
+        series.heights_above_ground.clone_from(&log.heights_above_ground);
+        if self.declared.log.as_table().is_none() {
+            let repeated = advance(&mut series.positions)
+                + advance(&mut series.attitudes)
+                + advance(&mut series.gimbals)
+                + advance(&mut series.velocities)
+                + advance(&mut series.heights_above_ground);
+            if repeated > 0 {
+                notes.push(format!(
+                    "{repeated} records of the log do not come after their predecessor in time and are left out"
+                ));
+            }
+        }
+        match Track::new(series) {
+            Ok(track) => Ok(Some((track, attitude))),
+            Err(TrackError::Empty) => Ok(None),
+            Err(error) => Err(match self.declared.log.file() {
+                Some(file) => InputError::new(file, error.to_string()).caused_by(file),
+                None => InputError::of_setting(&self.declared.log.table, error.to_string()),
+            }),
+        }
+    }
+
+    /// The pose of one exposure: what it states itself, and the track at its instant for the rest.
+    ///
+    /// - `antenna`: its own position above the ellipsoid, if it states one.
+    /// - `found`: how the frame found it, for the user.
+    ///
+    /// # Errors
+    /// Words for what is missing.
+    pub(super) fn pose(
+        &self,
+        exposure: &Exposure,
+        antenna: Option<Geodetic>,
+        track: Option<&(Track, SeriesAttitude)>,
+        max_gap: Seconds,
+        found: String,
+    ) -> Result<Posed, String> {
+        let mut applied = Vec::new();
+        let around = self.around(exposure, antenna.is_some(), track, max_gap)?;
+        let series = track.map_or(SeriesAttitude::NONE, |(_, attitude)| *attitude);
+        let antenna = antenna
+            .or(around.as_ref().map(|record| record.antenna))
+            .ok_or("neither it nor the log around it states a position")?;
+        let antenna = match exposure.camera_from_antenna {
+            None => antenna,
+            Some(offset) => {
+                applied.push(format!(
+                    "the record's own offset from the antenna to the camera is added: {:.3} m north, {:.3} m east, \
+                     {:.3} m down",
+                    offset.x(),
+                    offset.y(),
+                    offset.z()
+                ));
+                let at = Point::origin() + offset;
+                WGS84.geodetic_from_ecef(&(*LocalTangent::at(antenna).ecef_from_ned() * at))
+            }
+        };
+        let stated = exposure.attitude.or_else(|| series.of(around.as_ref()?.attitude));
+        let gimbal = exposure.gimbal.or_else(|| {
+            Some(LoggedGimbal { angles: around.as_ref()?.gimbal?, reference: series.gimbal? })
+        });
+        let mut mount = mount(self.declared);
+        let gimbal = match stated {
+            // The pose is the camera's own: there is nothing between it and the record.
+            Some(stated) if !matches!(stated, LoggedAttitude::Body { .. }) => {
+                mount = Mount { pixel_rotation: mount.pixel_rotation, ..Mount::default() };
+                None
+            }
+            _ => self.gimbal(gimbal, &mut mount, &mut applied)?,
+        };
+        let time = exposure.time.or(around.as_ref().and_then(|record| record.time));
+        let attitude = match stated {
+            Some(stated) => self.true_attitude(stated, &antenna, time, &mut applied)?,
+            None if stands_without_attitude(&mount) => YawPitchRoll::default(),
+            None => {
+                return Err("its record has no attitude (yaw, pitch, roll), and the camera turns with the UAV"
+                    .to_owned());
+            }
+        };
+        let around = around.as_ref();
+        let record = NavigationRecord {
+            line: exposure.place,
+            time,
+            antenna,
+            attitude,
+            gimbal,
+            height_above_ground_m: exposure
+                .height_above_ground_m
+                .or(around.and_then(|record| record.height_above_ground_m)),
+            ground_speed_m_s: exposure
+                .ground_speed_m_s
+                .or(around.and_then(|record| record.ground_speed_m_s)),
+            velocity: self.velocity(exposure, &attitude).or(around.and_then(|record| record.velocity)),
+            pixel_rotation: exposure.pixel_rotation,
+        };
+        Ok(Posed { record, mount, source: PoseSource { found, origins: exposure.origins.clone(), applied } })
+    }
+
+    /// The track at an exposure that does not state everything itself.
+    fn around(
+        &self,
+        exposure: &Exposure,
+        has_position: bool,
+        track: Option<&(Track, SeriesAttitude)>,
+        max_gap: Seconds,
+    ) -> Result<Option<NavigationRecord>, String> {
+        let (Some((track, _)), Some(time)) = (track, exposure.time) else { return Ok(None) };
+        let complete = has_position && exposure.attitude.is_some();
+        match track.at(time, max_gap) {
+            Ok(record) => Ok(Some(record)),
+            // What it does state is a pose: the track would only add to it.
+            Err(_) if complete => Ok(None),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+
+    /// Gimbal angles of a frame whose attitude is the UAV's; an elevation stated by the mount stands for what is logged.
+    fn gimbal(
+        &self,
+        logged: Option<LoggedGimbal>,
+        mount: &mut Mount,
+        applied: &mut Vec<String>,
+    ) -> Result<Option<GimbalAngles>, String> {
+        let stated = self.declared.log.as_table().is_none()
+            && matches!(self.declared.mount.elevation, GimbalAngle::Fixed(_));
+        match logged {
+            Some(_) if stated => {
+                applied.push("the mount's gimbal angles stand for the logged ones".to_owned());
+                Ok(None)
+            }
+            Some(logged) => {
+                mount.gimbal_reference = logged.reference;
+                Ok(Some(logged.angles))
+            }
+            None if self.declared.mount.elevation == GimbalAngle::Logged => {
+                Err("neither its record nor the log around it says where the camera looks; state \
+                     `gimbal_elevation` in [georeference.mount]"
+                    .to_owned())
+            }
+            None => Ok(None),
+        }
+    }
+
+    /// The attitude from true north, of the body that carries the camera.
+    fn true_attitude(
+        &self,
+        stated: LoggedAttitude,
+        at: &Geodetic,
+        time: Option<Seconds>,
+        applied: &mut Vec<String>,
+    ) -> Result<YawPitchRoll, String> {
+        let instead = self.declared.log.heading.map(north);
+        let (angles, north) = match stated {
+            LoggedAttitude::Body { angles, north } | LoggedAttitude::Camera { angles, north } => {
+                (angles, instead.unwrap_or(north))
+            }
+            LoggedAttitude::CameraInNed(rotation) => return Ok(carrier(&rotation)),
+            LoggedAttitude::CameraOnGrid(angles) => {
+                let convergence = self.convergence(at)?;
+                applied.push(format!(
+                    "the angles count from the grid, whose north lies {:.4} deg east of true north there",
+                    convergence.degrees()
+                ));
+                return Ok(carrier(&angles.ned_from_camera(convergence)));
+            }
+        };
+        let turn = match north {
+            North::True | North::Course => Radians::new(0.0),
+            North::Grid => {
+                let convergence = self.convergence(at)?;
+                applied.push(format!(
+                    "yaw counts from grid north: {:.4} deg of convergence are added",
+                    convergence.degrees()
+                ));
+                convergence
+            }
+            North::Magnetic => self.declination(at, time, applied)?,
+        };
+        if north == North::Course {
+            applied.push("yaw is the course over ground: the crab angle is not corrected".to_owned());
+        }
+        Ok(YawPitchRoll::new((angles.yaw + turn).wrapped(), angles.pitch, angles.roll))
+    }
+
+    fn convergence(&self, at: &Geodetic) -> Result<Radians, String> {
+        let grid = self.grid.as_ref().ok_or("its angles count from a grid, and no CRS is stated")?;
+        grid_convergence(grid, at).map_err(|e| e.to_string())
+    }
+
+    fn velocity(&self, exposure: &Exposure, attitude: &YawPitchRoll) -> Option<Displacement<Ned>> {
+        let course = matches!(
+            exposure.attitude,
+            Some(LoggedAttitude::Body { north: North::Course, .. } | LoggedAttitude::Camera { north: North::Course, .. })
+        ) || self.declared.log.heading.map(north) == Some(North::Course);
+        exposure.velocity.or_else(|| match (course, exposure.ground_speed_m_s) {
+            (true, Some(speed)) => {
+                let (sin, cos) = attitude.yaw.get().sin_cos();
+                Some(Displacement::new(speed * cos, speed * sin, 0.0))
+            }
+            _ => None,
+        })
+    }
+}
+
+/// What the attitudes of a log's series are; all of them are of one kind.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SeriesAttitude {
+    /// Of the UAV (true) or of the camera (false); `None`: the log has no attitudes.
+    of_body: Option<bool>,
+    north: North,
+    gimbal: Option<GimbalReference>,
+}
+
+impl SeriesAttitude {
+    const NONE: Self = Self { of_body: None, north: North::True, gimbal: None };
+
+    /// Interpolated angles as the log would have stated them.
+    fn of(self, angles: YawPitchRoll) -> Option<LoggedAttitude> {
+        let north = self.north;
+        Some(match self.of_body? {
+            true => LoggedAttitude::Body { angles, north },
+            false => LoggedAttitude::Camera { angles, north },
+        })
+    }
+}
+
+fn series_attitude(log: &FlightLog) -> SeriesAttitude {
+    let gimbal = log.gimbals.first().map(|sample| sample.value.reference);
+    match log.attitudes.first().map(|sample| sample.value) {
+        Some(LoggedAttitude::Body { north, .. }) => SeriesAttitude { of_body: Some(true), north, gimbal },
+        Some(LoggedAttitude::Camera { north, .. }) => SeriesAttitude { of_body: Some(false), north, gimbal },
+        _ => SeriesAttitude { gimbal, ..SeriesAttitude::NONE },
+    }
+}
+
+/// Leaves out samples that do not come after their predecessor; how many.
+fn advance<T>(samples: &mut Vec<Sample<T>>) -> usize {
+    let before = samples.len();
+    let mut latest = Seconds::new(f64::NEG_INFINITY);
+    samples.retain(|sample| {
+        let later = sample.time > latest;
+        if later {
+            latest = sample.time;
+        }
+        later
     });
-    let turned = row.pixel_rotation.map(|own| {
-        let fixed = mount(declared).pixel_rotation;
-        PixelRotation::from_quarter_turns(i64::from(own.degrees() + fixed.degrees()) / 90)
-    });
-    Ok(NavigationRecord {
-        line: row.line,
-        time: row.time,
-        antenna,
-        attitude,
-        gimbal,
-        height_above_ground_m: row.height_above_ground_m,
-        ground_speed_m_s: row.ground_speed_m_s,
-        velocity,
-        pixel_rotation: turned,
+    before - samples.len()
+}
+
+/// The body that carries the camera looking straight down, its nose at the top of the image.
+fn carrier(ned_from_camera: &Rotation<Ned, Camera>) -> YawPitchRoll {
+    let body_from_camera: Rotation<Body, Camera> =
+        GimbalAngles::NADIR.rotation::<Body>() * Mount::gimbal_from_camera_axes();
+    YawPitchRoll::of(&(*ned_from_camera * body_from_camera.inverse()))
+}
+
+/// Only a camera stabilised against the horizon, without lever arms in the body, does without the UAV's attitude.
+fn stands_without_attitude(mount: &Mount) -> bool {
+    let arms = [mount.antenna_in_body, mount.gimbal_in_body];
+    mount.gimbal_reference == GimbalReference::Nav && arms.iter().all(|arm| arm.vector().norm() == 0.0)
+}
+
+fn kind_of(datum: VerticalDatum) -> HeightKind {
+    height_kind(match datum {
+        VerticalDatum::Ellipsoid => HeightDatum::Ellipsoid,
+        VerticalDatum::Egm96 => HeightDatum::Egm96,
+        VerticalDatum::Egm2008 => HeightDatum::Egm2008,
     })
 }
 
-/// Ground heights under positions, for logs whose heights are above ground.
-pub(super) fn heights_under(terrain: &dyn Terrain, at: &[Geodetic]) -> Vec<Result<f64, String>> {
-    terrain.heights(at).into_iter().map(|h| h.map_err(|e| e.to_string())).collect()
+/// The CRS of the log's own positions: declared, or stated by the file; both must agree where both are there.
+pub(super) fn position_crs(declared: &Georeference, log: &FlightLog) -> Result<Option<Projection>, InputError> {
+    match (&declared.log.crs, &log.crs) {
+        (Some(crs), _) => {
+            Projection::new(crs).map(Some).map_err(|e| InputError::of_setting(crs, e.to_string()))
+        }
+        (None, Some(definition)) => Projection::new(definition).map(Some).map_err(|e| {
+            let file = declared.log.file().map_or_else(Default::default, |file| file.value.clone());
+            InputError::new(&file, e.to_string())
+                .help("state the CRS of its positions as `position_crs` in [georeference.log]")
+        }),
+        (None, None) => {
+            let projected = |p: &LoggedPosition| matches!(p, LoggedPosition::Projected { .. });
+            let any = log.positions.iter().any(|sample| projected(&sample.value))
+                || log.exposures.iter().filter_map(|e| e.position.as_ref()).any(projected);
+            if any {
+                return Err(InputError::of_setting(
+                    &declared.log.table,
+                    "the log's positions are map coordinates, and nothing states their CRS",
+                )
+                .help("add `position_crs = \"EPSG:...\"` to [georeference.log]"));
+            }
+            Ok(None)
+        }
+    }
 }
+
+/// Whether any angle of the log counts from a grid.
+fn needs_grid(declared: &Georeference, log: &FlightLog) -> bool {
+    let on_grid = |attitude: &LoggedAttitude| match attitude {
+        LoggedAttitude::Body { north, .. } | LoggedAttitude::Camera { north, .. } => *north == North::Grid,
+        LoggedAttitude::CameraOnGrid(_) => true,
+        LoggedAttitude::CameraInNed(_) => false,
+    };
+    declared.log.heading.map(north) == Some(North::Grid)
+        || log.attitudes.iter().any(|sample| on_grid(&sample.value))
+        || log.exposures.iter().filter_map(|e| e.attitude.as_ref()).any(on_grid)
+}
+
