@@ -4,8 +4,10 @@
 //! antenna, attitude of the UAV as yaw, pitch, roll, optional gimbal angles. Whatever a file said in other
 //! senses, units or datums was converted where it was read.
 
+mod heading;
 mod mount;
 mod track;
 
+pub use heading::{Declination, HeadingError, declination};
 pub use mount::{GimbalAngles, GimbalReference, Mount};
 pub use track::{NavigationRecord, Sample, Track, TrackError, TrackSeries};
