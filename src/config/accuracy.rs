@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::calibrate::PixelOrigin;
 use super::error::{ConfigError, Resolver};
 use super::height::VerticalDatum;
-use super::log::columns::{CoordinateColumnSpec, HeightColumnSpec, LengthColumnSpec, NumberColumn};
 use super::log::Log;
+use super::log::columns::{CoordinateColumnSpec, HeightColumnSpec, LengthColumnSpec, NumberColumn};
 use super::quantity::{Angle, Duration, Length, PixelLength};
 use super::source::Located;
 

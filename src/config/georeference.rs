@@ -542,8 +542,7 @@ fn needs_no_attitude(
     if stabilised && !lever_arm {
         return Ok(());
     }
-    let why =
-        if stabilised { "a lever arm in the body needs it" } else { "the camera turns with the body" };
+    let why = if stabilised { "a lever arm in the body needs it" } else { "the camera turns with the body" };
     Err(resolver
         .error(columns, format!("the log's columns hold no attitude (yaw, pitch, roll): {why}"))
         .help("declare the columns yaw, pitch and roll with unit and sense"))

@@ -411,8 +411,7 @@ fn source(
         let file = spec.file.as_ref().ok_or_else(|| needs("file", "`file = \"log.csv\"`", spec))?;
         let file = resolver.path(file)?;
         let delimiter = delimiter(&mut spec.value.delimiter, resolver)?;
-        let columns =
-            spec.columns.as_ref().ok_or_else(|| needs("columns", "a table `columns`", spec))?;
+        let columns = spec.columns.as_ref().ok_or_else(|| needs("columns", "a table `columns`", spec))?;
         if join == JoinKind::Name && columns.frame.is_none() {
             return Err(resolver
                 .error(columns, "`join = \"name\"` needs the column that names the frame")
@@ -435,17 +434,24 @@ fn source(
         Some(datum) if datum.needs_zero() && spec.takeoff_height.is_none() => {
             return Err(resolver
                 .error(datum, format!("heights {} need the height of their zero", datum.words()))
-                .help("add `takeoff_height = { value = \"... m\", datum = \"egm96\" }` to [georeference.log]"));
+                .help(
+                    "add `takeoff_height = { value = \"... m\", datum = \"egm96\" }` to [georeference.log]",
+                ));
         }
         _ => {}
     }
     if format.value == LogFormat::Photos {
-        resolver.unused(&spec.file, "file", "the photos themselves hold the poses (`format = \"photos\"`)")?;
+        resolver.unused(
+            &spec.file,
+            "file",
+            "the photos themselves hold the poses (`format = \"photos\"`)",
+        )?;
         resolver.unused(&spec.angles, "angles", &is)?;
         resolver.unused(&spec.position_crs, "position_crs", "photos state latitude and longitude")?;
         return Ok(LogSource::Photos);
     }
-    let states_angles = matches!(format.value, LogFormat::Geoinfo | LogFormat::OdmGeo | LogFormat::Orientation);
+    let states_angles =
+        matches!(format.value, LogFormat::Geoinfo | LogFormat::OdmGeo | LogFormat::Orientation);
     if !states_angles {
         resolver.unused(&spec.angles, "angles", &is)?;
     }

@@ -338,32 +338,43 @@ pub fn plausible_speed(speed_m_s: f64) -> Result<f64, String> {
     }
 }
 
+/// GPS seconds at which each leap second since 1999 took effect, and UTC's lag from then on.
+const LEAPS: [(f64, f64); 6] = [
+    (0.0, 13.0),
+    (820_108_814.0, 14.0),
+    (914_803_215.0, 15.0),
+    (1_025_136_016.0, 16.0),
+    (1_119_744_017.0, 17.0),
+    (1_167_264_018.0, 18.0),
+];
+/// 1980-01-06T00:00:00Z, where GPS time begins.
+const GPS_EPOCH_UNIX: f64 = 315_964_800.0;
+const WEEK_S: f64 = 604_800.0;
+
 /// UTC (Unix seconds) of a GPS week and second, leap seconds taken off.
 ///
 /// # Errors
 /// Words for a second outside the week or a week before GPS time came into use with UAVs.
 pub fn utc_from_gps(week: u32, second_of_week: f64) -> Result<Seconds, String> {
-    /// GPS seconds at which each leap second since 1999 took effect, and UTC's lag from then on.
-    const LEAPS: [(f64, f64); 6] = [
-        (0.0, 13.0),
-        (820_108_814.0, 14.0),
-        (914_803_215.0, 15.0),
-        (1_025_136_016.0, 16.0),
-        (1_119_744_017.0, 17.0),
-        (1_167_264_018.0, 18.0),
-    ];
-    const GPS_EPOCH_UNIX: f64 = 315_964_800.0;
-    const WEEK: f64 = 604_800.0;
-    if !(0.0..WEEK).contains(&second_of_week) {
+    if !(0.0..WEEK_S).contains(&second_of_week) {
         return Err(format!("{second_of_week} s is no second of a GPS week"));
     }
     // Week 1200 is January 2003; week 4000 is 2056.
     if !(1200..4000).contains(&week) {
         return Err(format!("GPS week {week} lies outside 1200 to 4000"));
     }
-    let gps = f64::from(week) * WEEK + second_of_week;
+    let gps = f64::from(week) * WEEK_S + second_of_week;
     let lag = LEAPS.iter().rev().find(|(from, _)| gps >= *from).map_or(13.0, |(_, lag)| *lag);
     Ok(Seconds::new(GPS_EPOCH_UNIX + gps - lag))
+}
+
+/// Second of the GPS week of an instant of UTC (Unix seconds).
+#[must_use]
+pub fn gps_week_second(utc: Seconds) -> Seconds {
+    // Leap seconds are few: the one that holds a second earlier holds here, but for that very second.
+    let lag = LEAPS.iter().rev().find(|(from, lag)| utc.get() - GPS_EPOCH_UNIX + lag >= *from);
+    let gps = utc.get() - GPS_EPOCH_UNIX + lag.map_or(13.0, |(_, lag)| *lag);
+    Seconds::new(gps.rem_euclid(WEEK_S))
 }
 
 #[cfg(test)]
@@ -379,6 +390,9 @@ mod tests {
         assert_eq!(unix(1743, 236_305.0), 1_370_367_489.0);
         assert!(utc_from_gps(10, 0.0).is_err() && utc_from_gps(2300, 604_800.0).is_err());
         assert!(utc_from_gps(2300, f64::NAN).is_err());
+        for (week, second) in [(1930, 18.0), (1930, 16.0), (1743, 236_305.0), (2300, 0.0)] {
+            assert_eq!(gps_week_second(utc_from_gps(week, second).unwrap()).get(), second);
+        }
     }
 
     #[test]

@@ -277,9 +277,10 @@ impl Track {
         let (first, last) = (positions[0].time, positions[positions.len() - 1].time);
         match self.attitudes.samples.as_slice() {
             [] => (first, last),
-            [from, .., to] => {
-                (if from.time > first { from.time } else { first }, if to.time < last { to.time } else { last })
-            }
+            [from, .., to] => (
+                if from.time > first { from.time } else { first },
+                if to.time < last { to.time } else { last },
+            ),
             [only] => (only.time, only.time),
         }
     }

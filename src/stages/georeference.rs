@@ -2,10 +2,13 @@
 
 mod ground;
 mod join;
+mod matched;
 mod poses;
 mod sources;
 
+pub use matched::{MatchReport, MatchRow};
 pub use poses::PoseSource;
+pub use sources::Photos;
 
 use super::context::{ErrorClass, FrameStatus, RunContext, StageError};
 use crate::camera::{Camera, PixelRotation};
@@ -54,6 +57,8 @@ pub struct Georeferenced {
     pub notes: Vec<String>,
     /// Where the pose of each usable frame came from.
     pub sources: BTreeMap<String, PoseSource>,
+    /// How photos and the log's exposures were paired, with `join = "match"`.
+    pub matching: Option<MatchReport>,
 }
 
 /// Ground is looked for within this many heights above it, unless the pipeline file says otherwise.
@@ -71,7 +76,11 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
     let images = image_names(declared)?;
     let geoid = declared.geoid_undulation_m.map_or(Geoid::Grids, Geoid::Constant);
     let mut notes = Vec::new();
-    let log = sources::log(declared)?;
+    let photos = match sources::needs_photos(declared) {
+        true => sources::photos(&declared.images, &images),
+        false => Vec::new(),
+    };
+    let log = sources::log(declared, &images, &photos)?;
     notes.extend(log.notes.iter().cloned());
     let near = sources::near(declared, &log)?;
     let ground = SurveyGround::load(&declared.ground, near.as_ref(), &geoid)?;
@@ -81,7 +90,7 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
         None => Err(no_rows(declared, &log.bad)),
     };
     let conventions = Conventions::new(declared, &log, product_grid, &geoid, &under)?;
-    let poses = poses_of_images(declared, &images, &log, &conventions, &mut notes)?;
+    let (poses, matching) = poses_of_images(declared, (&images, &photos), &log, &conventions, &mut notes)?;
     let centre = middle(&poses).ok_or_else(|| no_pose(declared, &images, &log.bad, &poses))?;
     let projection = product_crs(declared, &centre)?;
     notes.extend(scale_note(&projection, &centre));
@@ -115,34 +124,49 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
     }
     notes.extend(ground.fallback_note(&frames));
     notes.extend(crab_note(declared));
-    Ok(Georeferenced { frames, rejected, projection, notes, sources })
+    Ok(Georeferenced { frames, rejected, projection, notes, sources, matching })
 }
 
 /// A pose for each image, or why it has none.
 fn poses_of_images(
     declared: &Georeference,
-    images: &[String],
+    (images, photos): (&[String], &Photos),
     log: &FlightLog,
     conventions: &Conventions<'_>,
     notes: &mut Vec<String>,
-) -> Result<Poses, InputError> {
+) -> Result<(Poses, Option<MatchReport>), InputError> {
     let file = declared.log.file().map_or_else(|| "the photos".to_owned(), |file| base_name(file));
+    let own = sources::attitudes_of_photos(declared, log, photos);
+    if own.iter().any(Option::is_some) {
+        notes.push(format!("{file} states no attitudes: those that the photos state themselves are used"));
+    }
+    if !matches!(declared.log.join, Join::Name)
+        && let Some(first) = log.bad.first()
+    {
+        notes.push(format!(
+            "{} of {file}'s rows cannot be used; the first: line {}: {}",
+            log.bad.len(),
+            first.place,
+            first.cause
+        ));
+    }
     match &declared.log.join {
-        Join::Name => join::by_name(images, log, &file, conventions, notes),
+        Join::Name => Ok((join::by_name(images, log, &file, &own, conventions, notes)?, None)),
         Join::Time { max_gap_s, clock_offset_s, frames } => {
-            if let Some(first) = log.bad.first() {
-                notes.push(format!(
-                    "{} of {file}'s rows cannot be used; the first: line {}: {}",
-                    log.bad.len(),
-                    first.place,
-                    first.cause
-                ));
-            }
-            let track =
-                conventions.track(log, notes)?.ok_or_else(|| no_rows(declared, &log.bad))?;
-            let times = sources::times(frames, images, notes)?;
+            let track = conventions.track(log, notes)?.ok_or_else(|| no_rows(declared, &log.bad))?;
+            let times = sources::times(frames, images, photos, notes)?;
+            let times = sources::on_clock_of(log, times, declared)?;
             let (offset, max_gap) = (Seconds::new(*clock_offset_s), Seconds::new(*max_gap_s));
-            Ok(join::by_time(images, &times, offset, &track, max_gap, conventions))
+            Ok((join::by_time(&times, offset, &track, max_gap, conventions), None))
+        }
+        Join::Match { max_gap_s, clock_offset, frames } => {
+            let track = conventions.track(log, notes)?;
+            let times = sources::times(frames, images, photos, notes)?;
+            let track = (track.as_ref(), Seconds::new(*max_gap_s));
+            let (poses, report) =
+                matched::by_matching(images, &times, log, *clock_offset, track, &own, conventions)?;
+            notes.extend(report.notes.iter().cloned());
+            Ok((poses, Some(report)))
         }
     }
 }
@@ -159,7 +183,10 @@ fn turned(declared: &Georeference, images: &[String], mut poses: Poses) -> Resul
             if !images.contains(name) {
                 return Err(InputError::of_setting(
                     name,
-                    format!("`turned_frames` names \"{}\", and no image of the folder has that name", name.value),
+                    format!(
+                        "`turned_frames` names \"{}\", and no image of the folder has that name",
+                        name.value
+                    ),
                 ));
             }
             let again = listed.insert(name, poses::pixel_rotation(group.clockwise));
@@ -311,8 +338,9 @@ fn frame(
             RANGE_IN_HEIGHTS * above
         }
     };
-    let frame = GeoreferencedFrame::new(name.to_owned(), record, &mount, camera.clone(), terrain, max_range_m)
-        .map_err(|e| e.to_string())?;
+    let frame =
+        GeoreferencedFrame::new(name.to_owned(), record, &mount, camera.clone(), terrain, max_range_m)
+            .map_err(|e| e.to_string())?;
     if let Some(limit) = declared.max_off_nadir_rad
         && frame.footprint.off_nadir > limit
     {

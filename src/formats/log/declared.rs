@@ -2,16 +2,16 @@
 
 use super::super::InputError;
 use super::super::flight::{
-    BadRecord, Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, North, Origin, Sample,
-    geodetic, plausible_angles, plausible_height, plausible_speed,
+    BadRecord, Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, North, Origin,
+    Sample, geodetic, plausible_angles, plausible_height, plausible_speed,
 };
 use super::super::table::{Column, Row, Table};
 use super::{height_kind, north};
 use crate::camera::PixelRotation;
 use crate::config::georeference::{GimbalAngle, GimbalReference as DeclaredReference, Mount};
 use crate::config::log::columns::{
-    AttitudeColumns, HeightColumn, NumberColumn, PositionColumns, RotationColumnSpec, RotationMeaning, TableLog,
-    TimeColumnSpec, TimeFormat, YawColumn,
+    AttitudeColumns, HeightColumn, NumberColumn, PositionColumns, RotationColumnSpec, RotationMeaning,
+    TableLog, TimeColumnSpec, TimeFormat, YawColumn,
 };
 use crate::config::log::{FrameTable, Join};
 use crate::geodesy::{HeightKind, MapPoint};
@@ -105,11 +105,8 @@ impl<'a> Attitude<'a> {
     }
     fn get(&self, row: &Row<'_>) -> Result<LoggedAttitude, String> {
         let yaw = Radians::new(self.yaw_declared.clockwise(row.number(self.yaw)?));
-        let angles = YawPitchRoll::new(
-            yaw,
-            Radians::new(self.pitch.get(row)?),
-            Radians::new(self.roll.get(row)?),
-        );
+        let angles =
+            YawPitchRoll::new(yaw, Radians::new(self.pitch.get(row)?), Radians::new(self.roll.get(row)?));
         let north = north(self.yaw_declared.reference());
         Ok(LoggedAttitude::Body { angles: plausible_angles(angles)?, north })
     }

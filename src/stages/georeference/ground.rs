@@ -130,7 +130,8 @@ fn load_dem(file: &std::path::Path, datum: VerticalDatum, geoid: &Geoid) -> Resu
             let mut samples = Vec::with_capacity(w * h);
             for row in 0..h {
                 // The geoid bends over kilometres: its two ends stand for a row of posts, unless the row is long.
-                let ends = geoid_along_row(&raster.grid, row, w, &projection, (geoid, model)).map_err(failed)?;
+                let ends =
+                    geoid_along_row(&raster.grid, row, w, &projection, (geoid, model)).map_err(failed)?;
                 for column in 0..w {
                     samples.push(raster.heights.at(column, row) + ends.at(column) as f32);
                 }

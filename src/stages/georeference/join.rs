@@ -1,12 +1,14 @@
 //! How frames find their pose in the log: by name, by time, or by aligning two series of the same events.
 
 use super::poses::{Conventions, Posed, SeriesAttitude};
+use super::sources::Clocked;
 use crate::formats::InputError;
-use crate::formats::flight::{Exposure, FlightLog};
+use crate::formats::flight::{Exposure, FlightLog, Origin};
 use crate::formats::log::FrameTime;
 use crate::geodesy::Geodetic;
 use crate::navigation::Track;
 use crate::units::Seconds;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -15,12 +17,15 @@ pub(super) type Poses = Vec<Result<Posed, String>>;
 
 /// The pose of each image, by the name that the log gives it.
 ///
+/// - `own`: what each photo says of its own attitude, where the log says nothing of any; may be empty.
+///
 /// # Errors
 /// [`InputError`] for what concerns the whole log.
 pub(super) fn by_name(
     images: &[String],
     log: &FlightLog,
     file: &str,
+    own: &[Option<Exposure>],
     conventions: &Conventions<'_>,
     notes: &mut Vec<String>,
 ) -> Result<Poses, InputError> {
@@ -31,13 +36,14 @@ pub(super) fn by_name(
     let mut nameless = log.exposures.iter().filter(|exposure| exposure.frame.is_none()).count();
     for (exposure, antenna) in log.exposures.iter().zip(antennas) {
         let Some(name) = &exposure.frame else { continue };
-        let place = exposure.place;
+        let (image, place) = (names.image_of(name), exposure.place);
+        let photo = images.binary_search(&image).ok().and_then(|k| own.get(k)?.as_ref());
         let posed = antenna.and_then(|antenna| {
             let found = format!("record {place} of {file} names it");
-            conventions.pose(exposure, antenna, None, Seconds::new(0.0), found)
+            conventions.pose(&with_own(exposure, photo), antenna, None, Seconds::new(0.0), found)
         });
         let posed = posed.map_err(|cause| format!("{file}, line {place}: {cause}"));
-        rows.entry(names.image_of(name)).or_default().push((place, posed));
+        rows.entry(image).or_default().push((place, posed));
     }
     for record in &log.bad {
         match record.frame.as_deref().filter(|name| !name.is_empty()) {
@@ -63,6 +69,21 @@ pub(super) fn by_name(
     Ok(poses)
 }
 
+/// An exposure of the log with the attitude that its photo states itself.
+pub(super) fn with_own<'e>(exposure: &'e Exposure, photo: Option<&Exposure>) -> Cow<'e, Exposure> {
+    let Some(photo) = photo else { return Cow::Borrowed(exposure) };
+    let attitude = |origin: &&Origin| {
+        ["yaw", "pitch", "roll", "gimbal"].iter().any(|word| origin.quantity.contains(word))
+    };
+    let of_photo = photo.origins.iter().filter(attitude).cloned();
+    Cow::Owned(Exposure {
+        attitude: photo.attitude,
+        gimbal: photo.gimbal,
+        origins: exposure.origins.iter().cloned().chain(of_photo).collect(),
+        ..exposure.clone()
+    })
+}
+
 /// Antenna positions above the ellipsoid of exposures that state one.
 pub(super) fn antennas(
     exposures: &[Exposure],
@@ -80,58 +101,45 @@ pub(super) fn antennas(
 
 /// The pose of each image, interpolated at the time it was taken.
 pub(super) fn by_time(
-    images: &[String],
-    times: &Times,
+    times: &Clocked,
     offset: Seconds,
     track: &(Track, SeriesAttitude),
     max_gap: Seconds,
     conventions: &Conventions<'_>,
 ) -> Poses {
-    images
-        .iter()
-        .zip(&times.of_images)
-        .map(|(_, time)| {
-            let exposure = Exposure { time: Some(time.clone()? + offset), ..Exposure::at(0) };
-            let found = format!("interpolated at {:.3} s of the log's clock", exposure.time.map_or(0.0, Seconds::get));
-            let mut posed = conventions.pose(&exposure, None, Some(track), max_gap, found)?;
-            posed.record.line = track.0.place_at(time.clone()? + offset);
-            Ok(posed)
-        })
-        .collect()
+    let pose = |time: &Result<Seconds, String>| {
+        let time = time.clone()? + offset;
+        let exposure = Exposure { time: Some(time), ..Exposure::at(track.0.place_at(time)) };
+        let found = format!("interpolated at {:.3} s of the log's clock", time.get());
+        conventions.pose(&exposure, None, Some(track), max_gap, found)
+    };
+    times.of_images.iter().map(pose).collect()
 }
 
-/// When each image was taken, on one clock.
-pub(super) struct Times {
-    /// In the images' order, or why there is none.
-    pub of_images: Vec<Result<Seconds, String>>,
-}
-
-impl Times {
-    /// From a table whose rows name images.
-    pub(super) fn of_table(
-        images: &[String],
-        rows: Vec<FrameTime>,
-        name: &str,
-        notes: &mut Vec<String>,
-    ) -> Self {
-        let names = Names::of(images);
-        let mut named: BTreeMap<String, Vec<FrameTime>> = BTreeMap::new();
-        for row in rows {
-            named.entry(names.image_of(&row.frame)).or_default().push(row);
-        }
-        let of_images = images
-            .iter()
-            .map(|image| match named.remove(image).as_deref() {
-                None => Err(format!("no row of {name} names it")),
-                Some([only]) => {
-                    only.time.clone().map_err(|cause| format!("{name}, line {}: {cause}", only.place))
-                }
-                Some(several) => Err(several_rows(name, several.iter().map(|row| row.place))),
-            })
-            .collect();
-        unmatched(named.keys(), name, notes);
-        Self { of_images }
+/// When each image was taken, from a table whose rows name images; in the images' order.
+pub(super) fn of_table(
+    images: &[String],
+    rows: Vec<FrameTime>,
+    name: &str,
+    notes: &mut Vec<String>,
+) -> Vec<Result<Seconds, String>> {
+    let names = Names::of(images);
+    let mut named: BTreeMap<String, Vec<FrameTime>> = BTreeMap::new();
+    for row in rows {
+        named.entry(names.image_of(&row.frame)).or_default().push(row);
     }
+    let of_images = images
+        .iter()
+        .map(|image| match named.remove(image).as_deref() {
+            None => Err(format!("no row of {name} names it")),
+            Some([only]) => {
+                only.time.clone().map_err(|cause| format!("{name}, line {}: {cause}", only.place))
+            }
+            Some(several) => Err(several_rows(name, several.iter().map(|row| row.place))),
+        })
+        .collect();
+    unmatched(named.keys(), name, notes);
+    of_images
 }
 
 /// Finds the image that a log means by a name: the file's own name, or, where only one image fits, the name without a

@@ -2,7 +2,7 @@
 
 use crate::camera::PixelRotation;
 use crate::config::georeference::{
-    Georeference, GimbalAngle, GimbalReference as DeclaredReference, Ground, LeverArm,
+    Georeference, GimbalAngle, GimbalReference as DeclaredReference, LeverArm,
     PixelRotation as DeclaredRotation,
 };
 use crate::config::height::{Height, HeightDatum, VerticalDatum};
@@ -17,7 +17,7 @@ use crate::geodesy::{Geodetic, HeightKind, LocalTangent, WGS84, grid_convergence
 use crate::geometry::attitude::YawPitchRoll;
 use crate::geometry::{Body, Camera, Displacement, Frame, Ned, Point, Rotation};
 use crate::navigation::{
-    GimbalAngles, GimbalReference, Mount, NavigationRecord, Track, TrackError, TrackSeries,
+    GimbalAngles, GimbalReference, Mount, NavigationRecord, Track, TrackError, TrackSeries, declination,
 };
 use crate::units::{Metres, Radians, Seconds};
 use std::sync::Arc;
@@ -143,10 +143,7 @@ impl<'a> Conventions<'a> {
     ) -> Result<Vec<Result<Geodetic, String>>, InputError> {
         let mut placed: Vec<Result<(Geodetic, HeightKind), String>> =
             stated.iter().map(|(position, takeoff)| self.place(position, *takeoff)).collect();
-        let geoid_failed = |e: crate::formats::geoid::GeoidError| match self.declared.log.file() {
-            Some(file) => InputError::new(file, e.to_string()).caused_by(file),
-            None => InputError::of_setting(&self.declared.log.table, e.to_string()),
-        };
+        let geoid_failed = |e: crate::formats::geoid::GeoidError| self.of_log(e.to_string());
         for datum in [VerticalDatum::Egm96, VerticalDatum::Egm2008] {
             let above_geoid = |place: &Result<(Geodetic, HeightKind), String>| {
                 place.as_ref().ok().filter(|(_, kind)| *kind == kind_of(datum)).map(|(at, _)| *at)
@@ -155,8 +152,7 @@ impl<'a> Conventions<'a> {
             if at.is_empty() {
                 continue;
             }
-            let mut undulations =
-                self.geoid.above_ellipsoid(datum, &at).map_err(geoid_failed)?.into_iter();
+            let mut undulations = self.geoid.above_ellipsoid(datum, &at).map_err(geoid_failed)?.into_iter();
             for place in placed.iter_mut().filter(|place| above_geoid(place).is_some()) {
                 if let (Ok((at, kind)), Some(n)) = (place, undulations.next()) {
                     (*at, *kind) = (at.at_height(at.height.get() + n), HeightKind::Ellipsoid);
@@ -206,9 +202,9 @@ impl<'a> Conventions<'a> {
                 )?;
                 ellipsoidal(zero, &at, self.geoid)?
             }
-            HeightKind::AboveGround => (self.ground)(&[at]).swap_remove(0).map_err(|e| {
-                format!("its height is above ground, and there is no ground under it: {e}")
-            })?,
+            HeightKind::AboveGround => (self.ground)(&[at])
+                .swap_remove(0)
+                .map_err(|e| format!("its height is above ground, and there is no ground under it: {e}"))?,
         };
         Ok(at.at_height(at.height.get() + base))
     }
@@ -242,7 +238,9 @@ impl<'a> Conventions<'a> {
             }
         }
         if let Some((place, cause, count)) = unusable {
-            notes.push(format!("{count} positions of the log cannot be used; the first: record {place}: {cause}"));
+            notes.push(format!(
+                "{count} positions of the log cannot be used; the first: record {place}: {cause}"
+            ));
         }
         let attitude = series_attitude(log);
         for Sample { place, time, value } in &log.attitudes {
@@ -270,10 +268,7 @@ impl<'a> Conventions<'a> {
         match Track::new(series) {
             Ok(track) => Ok(Some((track, attitude))),
             Err(TrackError::Empty) => Ok(None),
-            Err(error) => Err(match self.declared.log.file() {
-                Some(file) => InputError::new(file, error.to_string()).caused_by(file),
-                None => InputError::of_setting(&self.declared.log.table, error.to_string()),
-            }),
+            Err(error) => Err(self.of_log(error.to_string())),
         }
     }
 
@@ -313,9 +308,9 @@ impl<'a> Conventions<'a> {
             }
         };
         let stated = exposure.attitude.or_else(|| series.of(around.as_ref()?.attitude));
-        let gimbal = exposure.gimbal.or_else(|| {
-            Some(LoggedGimbal { angles: around.as_ref()?.gimbal?, reference: series.gimbal? })
-        });
+        let gimbal = exposure
+            .gimbal
+            .or_else(|| Some(LoggedGimbal { angles: around.as_ref()?.gimbal?, reference: series.gimbal? }));
         let mut mount = mount(self.declared);
         let gimbal = match stated {
             // The pose is the camera's own: there is nothing between it and the record.
@@ -330,8 +325,10 @@ impl<'a> Conventions<'a> {
             Some(stated) => self.true_attitude(stated, &antenna, time, &mut applied)?,
             None if stands_without_attitude(&mount) => YawPitchRoll::default(),
             None => {
-                return Err("its record has no attitude (yaw, pitch, roll), and the camera turns with the UAV"
-                    .to_owned());
+                return Err(
+                    "its record has no attitude (yaw, pitch, roll), and the camera turns with the UAV"
+                        .to_owned(),
+                );
             }
         };
         let around = around.as_ref();
@@ -344,9 +341,7 @@ impl<'a> Conventions<'a> {
             height_above_ground_m: exposure
                 .height_above_ground_m
                 .or(around.and_then(|record| record.height_above_ground_m)),
-            ground_speed_m_s: exposure
-                .ground_speed_m_s
-                .or(around.and_then(|record| record.ground_speed_m_s)),
+            ground_speed_m_s: exposure.ground_speed_m_s.or(around.and_then(|record| record.ground_speed_m_s)),
             velocity: self.velocity(exposure, &attitude).or(around.and_then(|record| record.velocity)),
             pixel_rotation: exposure.pixel_rotation,
         };
@@ -439,6 +434,33 @@ impl<'a> Conventions<'a> {
         Ok(YawPitchRoll::new((angles.yaw + turn).wrapped(), angles.pitch, angles.roll))
     }
 
+    /// An error of the whole log.
+    pub(super) fn of_log(&self, cause: String) -> InputError {
+        match self.declared.log.file() {
+            Some(file) => InputError::new(file, cause).caused_by(file),
+            None => InputError::of_setting(&self.declared.log.table, cause),
+        }
+    }
+
+    fn declination(
+        &self,
+        at: &Geodetic,
+        time: Option<Seconds>,
+        applied: &mut Vec<String>,
+    ) -> Result<Radians, String> {
+        let utc = time.filter(|_| self.clock == Clock::Utc).ok_or(
+            "its yaw counts from magnetic north, and the log does not state the date (UTC) that the declination needs",
+        )?;
+        let declination = declination(at, utc).map_err(|e| e.to_string())?;
+        applied.push(format!(
+            "yaw counts from magnetic north: the declination of {:+.3} ± {:.3} deg ({}) is added",
+            declination.angle.degrees(),
+            declination.std.degrees(),
+            declination.model
+        ));
+        Ok(declination.angle)
+    }
+
     fn convergence(&self, at: &Geodetic) -> Result<Radians, String> {
         let grid = self.grid.as_ref().ok_or("its angles count from a grid, and no CRS is stated")?;
         grid_convergence(grid, at).map_err(|e| e.to_string())
@@ -447,7 +469,10 @@ impl<'a> Conventions<'a> {
     fn velocity(&self, exposure: &Exposure, attitude: &YawPitchRoll) -> Option<Displacement<Ned>> {
         let course = matches!(
             exposure.attitude,
-            Some(LoggedAttitude::Body { north: North::Course, .. } | LoggedAttitude::Camera { north: North::Course, .. })
+            Some(
+                LoggedAttitude::Body { north: North::Course, .. }
+                    | LoggedAttitude::Camera { north: North::Course, .. }
+            )
         ) || self.declared.log.heading.map(north) == Some(North::Course);
         exposure.velocity.or_else(|| match (course, exposure.ground_speed_m_s) {
             (true, Some(speed)) => {
@@ -526,7 +551,10 @@ fn kind_of(datum: VerticalDatum) -> HeightKind {
 }
 
 /// The CRS of the log's own positions: declared, or stated by the file; both must agree where both are there.
-pub(super) fn position_crs(declared: &Georeference, log: &FlightLog) -> Result<Option<Projection>, InputError> {
+pub(super) fn position_crs(
+    declared: &Georeference,
+    log: &FlightLog,
+) -> Result<Option<Projection>, InputError> {
     match (&declared.log.crs, &log.crs) {
         (Some(crs), _) => {
             Projection::new(crs).map(Some).map_err(|e| InputError::of_setting(crs, e.to_string()))
@@ -563,4 +591,3 @@ fn needs_grid(declared: &Georeference, log: &FlightLog) -> bool {
         || log.attitudes.iter().any(|sample| on_grid(&sample.value))
         || log.exposures.iter().filter_map(|e| e.attitude.as_ref()).any(on_grid)
 }
-

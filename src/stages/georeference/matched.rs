@@ -1,0 +1,290 @@
+//! `join = "match"`: the log's exposures and the photos' times, two series of the same events.
+
+use super::join::{Poses, antennas, with_own};
+use super::poses::{Conventions, SeriesAttitude};
+use super::sources::Clocked;
+use crate::formats::InputError;
+use crate::formats::flight::{Clock, Exposure, FlightLog};
+use crate::navigation::{
+    ClockFit, ClockPrior, MatchError, MatchOptions, Matching, PhotoTime, Track, match_by_number,
+    match_exposures, match_in_order,
+};
+use crate::units::Seconds;
+
+/// How photos and exposures were paired: one row for each photo and each exposure without one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MatchReport {
+    /// Rows: the photos in order, then the exposures that no photo fits.
+    pub rows: Vec<MatchRow>,
+    /// The camera's clock against the log's, where times decided.
+    pub clock: Option<ClockFit>,
+    /// What the user should know, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// A photo, an exposure, or both.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct MatchRow {
+    /// The photo's file name; empty for an exposure without a photo.
+    pub frame: String,
+    /// The photo's time as it states it.
+    pub photo_time_s: Option<f64>,
+    /// Record of the exposure in the log.
+    pub record: Option<u64>,
+    /// The exposure's own number.
+    pub sequence: Option<u64>,
+    /// The exposure's time on the log's clock.
+    pub exposure_time_s: Option<f64>,
+    /// Exposure's time less the photo's, brought to the log's clock.
+    pub residual_s: Option<f64>,
+    /// Probability of the pair.
+    pub probability: Option<f64>,
+    /// Empty for a pair; otherwise why there is none.
+    pub reason: String,
+}
+
+/// A pair: photo, exposure, and residual and probability where times decided.
+struct Paired {
+    photo: usize,
+    exposure: usize,
+    residual: Option<Seconds>,
+    probability: Option<f64>,
+}
+
+/// What was found, by times, numbers or order.
+struct Found {
+    pairs: Vec<Paired>,
+    photos: Vec<(usize, String)>,
+    exposures: Vec<(usize, String)>,
+    clock: Option<ClockFit>,
+    notes: Vec<String>,
+}
+
+/// The pose of each image, at the exposure that its time belongs to.
+///
+/// - `own`: what each photo says of its own attitude, where the log says nothing of any; may be empty.
+/// - `clock_offset`: log time less photo time with one sigma, when declared.
+///
+/// # Errors
+/// [`InputError`] when nothing can be matched: too few, ambiguous, or no times.
+pub(super) fn by_matching(
+    images: &[String],
+    times: &Clocked,
+    log: &FlightLog,
+    clock_offset: Option<(f64, f64)>,
+    (track, max_gap): (Option<&(Track, SeriesAttitude)>, Seconds),
+    own: &[Option<Exposure>],
+    conventions: &Conventions<'_>,
+) -> Result<(Poses, MatchReport), InputError> {
+    let found =
+        find(images, times, log, clock_offset).map_err(|error| conventions.of_log(error.to_string()))?;
+    let antennas = antennas(&log.exposures, conventions)?;
+    let mut poses: Poses = vec![Err("no exposure of the log was matched with it".to_owned()); images.len()];
+    for (photo, reason) in &found.photos {
+        poses[*photo] = Err(reason.clone());
+    }
+    for pair in &found.pairs {
+        let exposure = &log.exposures[pair.exposure];
+        let how = match pair.residual {
+            Some(residual) => format!(
+                "matched by time with record {} of the log, residual {:+.3} s",
+                exposure.place,
+                residual.get()
+            ),
+            None => format!("matched with record {} of the log", exposure.place),
+        };
+        poses[pair.photo] = antennas[pair.exposure]
+            .clone()
+            .and_then(|antenna| {
+                let photo = own.get(pair.photo).and_then(Option::as_ref);
+                conventions.pose(&with_own(exposure, photo), antenna, track, max_gap, how)
+            })
+            .map_err(|cause| format!("record {} of the log: {cause}", exposure.place));
+    }
+    Ok((poses, report(images, times, log, found)))
+}
+
+fn find(
+    images: &[String],
+    times: &Clocked,
+    log: &FlightLog,
+    clock_offset: Option<(f64, f64)>,
+) -> Result<Found, MatchError> {
+    let photos: Vec<PhotoTime> = times
+        .of_images
+        .iter()
+        .map(|time| PhotoTime {
+            time: time.as_ref().ok().copied(),
+            resolution: Seconds::new(times.resolution_s),
+        })
+        .collect();
+    let timed: Vec<usize> = (0..log.exposures.len()).filter(|k| log.exposures[*k].time.is_some()).collect();
+    let any_photo_time = photos.iter().any(|photo| photo.time.is_some());
+    if timed.is_empty() || !any_photo_time {
+        return without_times(images, log);
+    }
+    let triggers: Vec<Seconds> = timed.iter().filter_map(|k| log.exposures[*k].time).collect();
+    let clock = match clock_offset {
+        Some((offset, std)) => ClockPrior::Known { offset: Seconds::new(offset), std: Seconds::new(std) },
+        None if log.clock == Clock::Utc && times.clock == Clock::Utc => match times.of_exposure {
+            true => ClockPrior::Same,
+            // The receiver's last fix before the photo, in whole seconds as a rule.
+            false => ClockPrior::Known { offset: Seconds::new(0.0), std: Seconds::new(1.5) },
+        },
+        None => ClockPrior::Unknown,
+    };
+    let matching = match_exposures(&photos, &triggers, &MatchOptions { clock, ..MatchOptions::default() })?;
+    Ok(of_times(matching, &timed))
+}
+
+fn of_times(matching: Matching, timed: &[usize]) -> Found {
+    let mut notes = vec![format!(
+        "{} photos were matched with the log's {} exposures by time: the camera's clock is {:+.3} ± {:.3} s off the \
+         log's and drifts by {:+.0} ± {:.0} ppm; {} photos and {} exposures have no partner",
+        matching.pairs.len(),
+        timed.len(),
+        -matching.clock.offset.get(),
+        matching.clock.offset_std.get(),
+        -matching.clock.drift_ppm,
+        matching.clock.drift_std_ppm,
+        matching.unmatched_photos.len(),
+        matching.unmatched_triggers.len()
+    )];
+    if matching.rests_on_count {
+        notes.push(
+            "the exposures are so evenly spaced that only their number decides which photo belongs to which: a photo \
+             lost at one end and an event lost at the other would go unnoticed; state `clock_offset` to be sure"
+                .to_owned(),
+        );
+    }
+    if matching.out_of_order > 0 {
+        notes.push(format!(
+            "{} photos are earlier than the photo before them by name; their times were believed",
+            matching.out_of_order
+        ));
+    }
+    Found {
+        pairs: matching
+            .pairs
+            .iter()
+            .map(|pair| Paired {
+                photo: pair.photo,
+                exposure: timed[pair.trigger],
+                residual: pair.residual,
+                probability: Some(pair.probability),
+            })
+            .collect(),
+        photos: matching.unmatched_photos.iter().map(|(k, reason)| (*k, reason.to_string())).collect(),
+        exposures: matching
+            .unmatched_triggers
+            .iter()
+            .map(|(k, reason)| (timed[*k], reason.to_string()))
+            .collect(),
+        clock: Some(matching.clock),
+        notes,
+    }
+}
+
+/// By the numbers that photos and exposures carry, or by their order.
+fn without_times(images: &[String], log: &FlightLog) -> Result<Found, MatchError> {
+    let numbers: Vec<Option<u64>> = images.iter().map(|name| number_in(name)).collect();
+    let sequence: Vec<Option<u64>> = log.exposures.iter().map(|exposure| exposure.sequence).collect();
+    let numbered = numbers.iter().all(Option::is_some) && sequence.iter().all(Option::is_some);
+    let matched = match numbered {
+        true => match_by_number(&numbers, &sequence)?,
+        false => match_in_order(images.len(), log.exposures.len())?,
+    };
+    Ok(Found {
+        pairs: matched
+            .pairs
+            .iter()
+            .map(|(photo, exposure)| Paired {
+                photo: *photo,
+                exposure: *exposure,
+                residual: None,
+                probability: None,
+            })
+            .collect(),
+        photos: matched
+            .unmatched_photos
+            .iter()
+            .map(|k| (*k, "no exposure of the log has its number".to_owned()))
+            .collect(),
+        exposures: matched
+            .unmatched_triggers
+            .iter()
+            .map(|k| (*k, "no photo has its number".to_owned()))
+            .collect(),
+        clock: None,
+        notes: vec![matched.assumed],
+    })
+}
+
+/// The last group of digits in a file's name: 17 in `DJI_20240501_0017_V.JPG`.
+fn number_in(name: &str) -> Option<u64> {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |k| {
+        // The sign before the digits may take several bytes.
+        k + stem[k..].chars().next().map_or(1, char::len_utf8)
+    });
+    stem[start..end].parse().ok()
+}
+
+fn report(images: &[String], times: &Clocked, log: &FlightLog, found: Found) -> MatchReport {
+    let photo_row = |photo: usize| MatchRow {
+        frame: images[photo].clone(),
+        photo_time_s: times.of_images[photo].as_ref().ok().map(|time| time.get()),
+        record: None,
+        sequence: None,
+        exposure_time_s: None,
+        residual_s: None,
+        probability: None,
+        reason: String::new(),
+    };
+    let mut of_photo: Vec<MatchRow> = (0..images.len()).map(photo_row).collect();
+    for (photo, reason) in found.photos {
+        of_photo[photo].reason = reason;
+    }
+    for pair in &found.pairs {
+        let exposure = &log.exposures[pair.exposure];
+        let row = &mut of_photo[pair.photo];
+        row.record = Some(exposure.place);
+        row.sequence = exposure.sequence;
+        row.exposure_time_s = exposure.time.map(Seconds::get);
+        row.residual_s = pair.residual.map(Seconds::get);
+        row.probability = pair.probability;
+    }
+    of_photo.extend(found.exposures.into_iter().map(|(k, reason)| {
+        let exposure = &log.exposures[k];
+        MatchRow {
+            frame: String::new(),
+            photo_time_s: None,
+            record: Some(exposure.place),
+            sequence: exposure.sequence,
+            exposure_time_s: exposure.time.map(Seconds::get),
+            residual_s: None,
+            probability: None,
+            reason,
+        }
+    }));
+    MatchReport { rows: of_photo, clock: found.clock, notes: found.notes }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_photos_are_the_last_digits_of_the_name() {
+        for (name, number) in [
+            ("DJI_20240501120000_0017_V.JPG", Some(17)),
+            ("100_0042_0007.jpg", Some(7)),
+            ("é9.png", Some(9)),
+            ("IMG.tif", None),
+            ("99999999999999999999999.jpg", None),
+        ] {
+            assert_eq!(number_in(name), number, "{name}");
+        }
+    }
+}
