@@ -5,9 +5,14 @@
 //! senses, units or datums was converted where it was read.
 
 mod heading;
+mod matching;
 mod mount;
 mod track;
 
 pub use heading::{Declination, HeadingError, declination};
+pub use matching::{
+    ClockFit, ClockPrior, MatchError, MatchOptions, Matching, OrderMatch, Pair, PhotoReason, PhotoTime,
+    Recording, RunnerUp, TriggerReason, match_by_number, match_exposures, match_in_order,
+};
 pub use mount::{GimbalAngles, GimbalReference, Mount};
 pub use track::{NavigationRecord, Sample, Track, TrackError, TrackSeries};
