@@ -14,6 +14,7 @@ pub mod geoid;
 pub mod geotiff;
 pub mod libraries;
 pub mod log;
+pub mod metadata;
 pub mod photo;
 pub mod survey;
 pub mod table;

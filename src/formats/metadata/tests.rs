@@ -1,0 +1,1 @@
+//! Golden frames of the makers, real surveys, hostile files.
