@@ -4,6 +4,10 @@
 //! Every reader below takes bytes and gives a [`FlightLog`]; none touches a file. A record that cannot be used takes
 //! only itself along: it is listed in [`FlightLog::bad`] with its place and the reason.
 
+mod autopilot;
+pub mod dataflash;
+pub mod sbet;
+
 use crate::camera::PixelRotation;
 use crate::geodesy::{HeightKind, MapPoint};
 use crate::geometry::attitude::{OmegaPhiKappa, YawPitchRoll};
