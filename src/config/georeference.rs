@@ -469,17 +469,17 @@ fn mount(
     Ok(resolved)
 }
 
-/// Elevation as stated, under either of its names.
-fn stated_elevation(
-    spec: &MountSpec,
+/// Elevation as stated, under either of its names: the key, radians up, the name.
+fn stated_elevation<'s>(
+    spec: &'s MountSpec,
     resolver: &Resolver,
-) -> Result<Option<(f64, &'static str)>, ConfigError> {
+) -> Result<Option<(&'s Located<Angle>, f64, &'static str)>, ConfigError> {
     match (&spec.gimbal_elevation, &spec.gimbal_tilt_down) {
         (Some(_), Some(tilt)) => Err(resolver
             .error(tilt, "`gimbal_tilt_down` and `gimbal_elevation` state the same angle")
             .help("keep one of the two: elevation is positive up, tilt_down positive down")),
-        (Some(elevation), None) => Ok(Some((elevation.radians(), "gimbal_elevation"))),
-        (None, Some(tilt)) => Ok(Some((-tilt.radians(), "gimbal_tilt_down"))),
+        (Some(elevation), None) => Ok(Some((elevation, elevation.radians(), "gimbal_elevation"))),
+        (None, Some(tilt)) => Ok(Some((tilt, -tilt.radians(), "gimbal_tilt_down"))),
         (None, None) => Ok(None),
     }
 }
@@ -494,31 +494,36 @@ fn table_angles(
             .error(spec, "gimbal angles of the log need to say what they are measured against")
             .help("add `gimbal_reference = \"body\"` (angles against the airframe) or \"nav\" (against north and the horizon)"));
     }
-    let fixed_or_column = |fixed: Option<f64>, is_column: bool, key: &str| match (fixed, is_column) {
-        (Some(_), true) => Err(resolver
-            .error(spec, format!("`{key}` is given here and as a column of the log"))
-            .help("keep one of the two")),
-        (_, true) => Ok(GimbalAngle::Logged),
-        (fixed, false) => Ok(GimbalAngle::Fixed(fixed.unwrap_or(0.0))),
+    let fixed_or_column =
+        |fixed: Option<(&Located<Angle>, f64)>, is_column: bool, key: &str| match (fixed, is_column) {
+            (Some((key_there, _)), true) => Err(resolver
+                .error(key_there, format!("`{key}` is given here and as a column of the log"))
+                .help("keep one of the two")),
+            (_, true) => Ok(GimbalAngle::Logged),
+            (fixed, false) => Ok(GimbalAngle::Fixed(fixed.map_or(0.0, |(_, radians)| radians))),
+        };
+    let (elevation, name) = match stated_elevation(spec, resolver)? {
+        Some((key, radians, name)) => (Some((key, radians)), name),
+        None => (None, "gimbal_elevation"),
     };
-    let stated = stated_elevation(spec, resolver)?;
-    if stated.is_none() && columns.gimbal_elevation.is_none() {
+    if elevation.is_none() && columns.gimbal_elevation.is_none() {
         return Err(resolver
             .error(spec, "the mount does not say where the camera looks")
             .help("add `gimbal_elevation = \"-90 deg\"` (straight down), `gimbal_tilt_down`, or a column gimbal_elevation of the log"));
     }
-    let radians = |angle: &Option<Located<Angle>>| angle.as_ref().map(|angle| angle.radians());
-    let name = stated.map_or("gimbal_elevation", |(_, name)| name);
+    fn stated(angle: &Option<Located<Angle>>) -> Option<(&Located<Angle>, f64)> {
+        angle.as_ref().map(|angle| (angle, angle.radians()))
+    }
     Ok([
-        fixed_or_column(radians(&spec.gimbal_pan), columns.gimbal_pan.is_some(), "gimbal_pan")?,
-        fixed_or_column(stated.map(|(angle, _)| angle), columns.gimbal_elevation.is_some(), name)?,
-        fixed_or_column(radians(&spec.gimbal_roll), columns.gimbal_roll.is_some(), "gimbal_roll")?,
+        fixed_or_column(stated(&spec.gimbal_pan), columns.gimbal_pan.is_some(), "gimbal_pan")?,
+        fixed_or_column(elevation, columns.gimbal_elevation.is_some(), name)?,
+        fixed_or_column(stated(&spec.gimbal_roll), columns.gimbal_roll.is_some(), "gimbal_roll")?,
     ])
 }
 
 /// Of a log whose contents the pipeline file does not list: an elevation stated here stands for whatever it logs.
 fn log_angles(spec: &Located<MountSpec>, resolver: &Resolver) -> Result<[GimbalAngle; 3], ConfigError> {
-    let Some((elevation, _)) = stated_elevation(spec, resolver)? else {
+    let Some((_, elevation, _)) = stated_elevation(spec, resolver)? else {
         let because = "without `gimbal_elevation` the gimbal angles are the log's";
         resolver.unused(&spec.gimbal_pan, "gimbal_pan", because)?;
         resolver.unused(&spec.gimbal_roll, "gimbal_roll", because)?;

@@ -483,6 +483,18 @@ fn join(
         return Err(resolver.error(max_gap, format!("`max_gap` is {}; it must be above 0", max_gap.value)));
     }
     let max_gap_s = max_gap.seconds();
+    if frames.is_none()
+        && kind == JoinKind::Time
+        && let LogSource::Table(log) = source
+        && log.time.as_ref().is_some_and(|time| !time.format.is_utc())
+    {
+        return Err(resolver
+            .error(
+                spec.join.as_ref().unwrap_or(&Located::unplaced(kind)),
+                "`join = \"time\"` needs to know when each frame was taken on the log's clock, which is not UTC",
+            )
+            .help("add a table [georeference.frames] with `file` and `columns = { frame = \"...\", time = { column = \"...\", format = \"...\" } }`, or align the photos' own times with `join = \"match\"`"));
+    }
     let frames = frame_times(source, kind, frames, resolver)?;
     if kind == JoinKind::Time {
         resolver.unused(&spec.clock_offset_std, "clock_offset_std", "frames are joined by time")?;

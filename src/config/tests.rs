@@ -3,7 +3,9 @@
 use super::accuracy::CheckPosition;
 use super::calibrate::LensChoice;
 use super::georeference::{Crs, GimbalAngle, GimbalReference, Ground, HeightAboveGround};
-use super::log::{HeightReference, Join, PositionColumns, VerticalDatum, YawReference};
+use super::height::{HeightDatum, VerticalDatum};
+use super::log::columns::{PositionColumns, YawReference};
+use super::log::{AngleSystem, FrameTimes, Join, LogFormat, LogSource};
 use super::target::{HollowSquare, Pattern};
 use super::*;
 
@@ -203,14 +205,14 @@ fn a_full_pipeline_is_resolved_to_si_units_and_paths_from_its_folder() {
     let georeference = config.georeference.as_ref().unwrap();
     assert_eq!(georeference.crs.value, Crs::Given("EPSG:32617".into()));
     assert!(georeference.orthos);
-    let PositionColumns::Geodetic { longitude, height, .. } = &georeference.log.position else {
-        panic!("geodetic")
-    };
+    let table = georeference.log.as_table().unwrap();
+    let PositionColumns::Geodetic { longitude, height, .. } = &table.position else { panic!("geodetic") };
     assert!((longitude.factor - 1e-7 * std::f64::consts::PI / 180.0).abs() < 1e-24);
     assert_eq!(height.column.factor, 0.3048);
-    let HeightReference::AboveTakeoff(takeoff) = height.datum else { panic!("above take-off") };
+    assert_eq!(height.datum, HeightDatum::AboveTakeoff);
+    let takeoff = georeference.log.takeoff.unwrap();
     assert_eq!((takeoff.metres, takeoff.datum), (251.0, VerticalDatum::Egm96));
-    let attitude = georeference.log.attitude.as_ref().unwrap();
+    let attitude = table.attitude.as_ref().unwrap();
     assert!((attitude.yaw.clockwise(30.0) - std::f64::consts::FRAC_PI_3).abs() < 1e-12);
     assert_eq!(attitude.yaw.reference(), YawReference::TrueNorth);
     assert!(attitude.pitch.factor < 0.0);
@@ -348,7 +350,7 @@ fn the_version_is_checked_before_anything_else() {
 #[test]
 fn missing_keys_point_at_the_table_that_lacks_them() {
     let text = changed(SHORT, "join = \"name\"\n", "");
-    assert_refused(&text, "[georeference.log]", "missing key `join`", "add `join`");
+    assert_refused(&text, "[georeference.log]", "a table needs `join`", "add `join");
     let text = changed(SHORT, ", datum = \"ellipsoid\"", "");
     assert_refused(&text, "height = { column", "missing key `datum`", "");
     let text = changed(SHORT, ", sense = \"nose_up\"", "");
@@ -422,7 +424,7 @@ fn positions_are_declared_once_and_wholly() {
     let text = with("join = \"name\"", "join = \"name\"\nposition_crs = \"EPSG:32617\"");
     assert_refused(&text, "position_crs", "would not be used", "");
     let text = with("datum = \"ellipsoid\"", "datum = \"above_takeoff\"");
-    assert_refused(&text, "height = { column", "needs the height of the take-off point", "takeoff_height");
+    assert_refused(&text, "height = { column", "needs the height of its zero", "takeoff_height");
 }
 
 #[test]
@@ -438,6 +440,7 @@ fn joining_by_time_needs_comparable_clocks() {
     let Join::Time { max_gap_s, clock_offset_s, frames, .. } = &config.georeference.unwrap().log.join else {
         panic!("time")
     };
+    let FrameTimes::Table(frames) = frames else { panic!("table") };
     assert_eq!((*max_gap_s, *clock_offset_s, frames.delimiter), (2.0, 0.0, b','));
     assert_refused(
         &timed("iso8601", "seconds"),
@@ -450,6 +453,64 @@ fn joining_by_time_needs_comparable_clocks() {
     let text = changed(SHORT, "join = \"name\"", "join = \"time\"")
         .replace("frame = \"file\"", "time = { column = \"t\", format = \"seconds\" }");
     assert_refused(&text, "join", "when each frame was taken", "[georeference.frames]");
+}
+
+/// [`SHORT`] with another log and no columns.
+fn with_log(lines: &str) -> String {
+    let from = SHORT.find("[georeference.log]").unwrap();
+    let to = SHORT.find("[georeference.mount]").unwrap();
+    format!("{}[georeference.log]\n{lines}\n\n{}", &SHORT[..from], &SHORT[to..])
+}
+
+#[test]
+fn other_logs_say_themselves_what_they_hold() {
+    let log = |lines: &str| read(&with_log(lines)).unwrap().georeference.unwrap().log;
+    let ardupilot = log("format = \"ardupilot\"\nfile = \"a.bin\"");
+    assert!(matches!(ardupilot.join, Join::Match { clock_offset: None, .. }));
+    assert!(matches!(&ardupilot.source, LogSource::File { format: LogFormat::Ardupilot, .. }));
+    assert!(ardupilot.may_know_speed());
+    let known = log("format = \"px4\"\nfile = \"a.ulg\"\nclock_offset = \"4 h\"\nclock_offset_std = \"2 s\"");
+    assert!(matches!(known.join, Join::Match { clock_offset: Some((14_400.0, 2.0)), .. }));
+    let photos = log("format = \"photos\"\nheight_datum = \"egm2008\"");
+    assert!(matches!(photos.join, Join::Name) && photos.file().is_none());
+    assert_eq!(photos.height_datum, Some(HeightDatum::Egm2008));
+    let geo = log("format = \"odm_geo\"\nfile = \"geo.txt\"\nangles = \"omega_phi_kappa\"");
+    assert!(matches!(geo.source, LogSource::File { angles: Some(AngleSystem::OmegaPhiKappa), .. }));
+
+    let refused = |lines: &str, place: &str, cause: &str, help: &str| {
+        assert_refused(&with_log(lines), place, cause, help);
+    };
+    refused("format = \"photos\"\nfile = \"a\"", "file", "would not be used", "");
+    refused("format = \"ardupilot\"", "[georeference.log]", "needs `file`", "");
+    refused("format = \"sbet\"\nfile = \"a\"\njoin = \"name\"", "join", "names no frames", "match");
+    refused("format = \"odm_geo\"\nfile = \"a\"\njoin = \"time\"", "join", "names its frames", "remove");
+    refused("format = \"px4\"\nfile = \"a\"\ndelimiter = \";\"", "delimiter", "would not be used", "");
+    refused("format = \"px4\"\nfile = \"a\"\nangles = \"yaw_pitch_roll\"", "angles", "would not be used", "");
+    refused(
+        "format = \"photos\"\nheight_datum = \"above_takeoff\"",
+        "height_datum",
+        "height of their zero",
+        "",
+    );
+    refused(
+        "format = \"px4\"\nfile = \"a\"\nclock_offset_std = \"2 s\"",
+        "clock_offset_std",
+        "there is none",
+        "",
+    );
+}
+
+#[test]
+fn a_course_stands_for_the_nose_only_with_its_spread() {
+    let course = changed(SHORT, "clockwise_from_true_north", "course_over_ground");
+    assert_refused(&course, "[georeference.log]", "how far the nose may be off", "crab_std");
+    let stated = changed(&course, "join = \"name\"", "join = \"name\"\ncrab_std = \"10 deg\"");
+    let crab = read(&stated).unwrap().georeference.unwrap().log.crab_std_rad.unwrap();
+    assert!((crab.to_degrees() - 10.0).abs() < 1e-12);
+    let needless = changed(SHORT, "join = \"name\"", "join = \"name\"\ncrab_std = \"10 deg\"");
+    assert_refused(&needless, "crab_std", "would not be used", "");
+    let photos = with_log("format = \"photos\"\nheading = \"course\"");
+    assert_refused(&photos, "[georeference.log]", "how far the nose may be off", "crab_std");
 }
 
 #[test]
@@ -470,10 +531,10 @@ fn gimbal_angles_come_from_one_place_and_say_what_they_are_against() {
     assert_refused(&both, "gimbal_elevation = \"", "given here and as a column", "keep one");
     let stabilised = changed(&with_column, "gimbal_elevation = \"-90 deg\"", "gimbal_reference = \"nav\"");
     let config = read(&stabilised).unwrap();
-    let mount = config.georeference.unwrap().mount;
-    assert_eq!(mount.gimbal_reference, GimbalReference::Nav);
-    let GimbalAngle::Column(elevation) = mount.elevation else { panic!("column") };
-    assert!(elevation.factor < 0.0);
+    let georeference = config.georeference.unwrap();
+    assert_eq!(georeference.mount.gimbal_reference, GimbalReference::Nav);
+    assert_eq!(georeference.mount.elevation, GimbalAngle::Logged);
+    assert!(georeference.log.as_table().unwrap().gimbal_elevation.as_ref().unwrap().factor < 0.0);
     let text = changed(
         SHORT,
         "gimbal_elevation = \"-90 deg\"",
@@ -494,7 +555,8 @@ fn attitude_may_be_missing_only_where_it_has_no_effect() {
         "yaw, pitch and roll",
     );
     let stabilised = changed(&bare, "gimbal_elevation", "gimbal_reference = \"nav\"\ngimbal_elevation");
-    assert!(read(&stabilised).unwrap().georeference.unwrap().log.attitude.is_none());
+    let log = read(&stabilised).unwrap().georeference.unwrap().log;
+    assert!(log.as_table().unwrap().attitude.is_none());
     let lever =
         changed(&stabilised, "gimbal_elevation", "antenna_in_body = { down = \"1 m\" }\ngimbal_elevation");
     assert_refused(&lever, "[georeference.log.columns]", "a lever arm in the body needs it", "");

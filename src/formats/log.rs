@@ -5,13 +5,14 @@
 mod declared;
 
 use super::InputError;
-use super::flight::{Clock, FlightLog, North};
+use super::flight::{Clock, FlightLog, North, ReadError, dataflash, sbet};
 use crate::config::georeference::Mount;
 use crate::config::height::HeightDatum;
 use crate::config::log::columns::{TableLog, YawReference};
-use crate::config::log::{FrameTable, Join};
+use crate::config::log::{AngleSystem, FrameTable, Join, LogFormat};
 use crate::geodesy::{GeoidModel, HeightKind};
 use crate::units::Seconds;
+use std::path::Path;
 
 /// When one frame was taken.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,4 +63,43 @@ pub const fn north(reference: YawReference) -> North {
         YawReference::GridNorth => North::Grid,
         YawReference::Course => North::Course,
     }
+}
+
+/// Reads a log whose format says itself what its records are.
+///
+/// - `angles`: what three angles are, for formats that do not say so themselves.
+/// - `crs`: CRS of projected positions, for formats that do not state it.
+///
+/// # Errors
+/// [`InputError`]: unreadable, larger than 4 GiB, or not of the format.
+pub fn read_file(
+    file: &Path,
+    format: LogFormat,
+    angles: Option<AngleSystem>,
+    crs: Option<&str>,
+) -> Result<FlightLog, InputError> {
+    let bytes = read_bytes(file)?;
+    let log = match format {
+        LogFormat::Ardupilot => dataflash::read(&bytes),
+        LogFormat::Sbet => sbet::read(&bytes),
+        _ => Err(ReadError::new(format!("is no log of format \"{}\"", format.word()))),
+    };
+    log.map_err(|error| of_file(file, error))
+}
+
+/// Logs larger than this are refused before they are read.
+const MOST_BYTES: u64 = 4 << 30;
+
+fn read_bytes(file: &Path) -> Result<Vec<u8>, InputError> {
+    let unreadable = |e: std::io::Error| InputError::new(file, format!("cannot be read ({e})"));
+    let size = std::fs::metadata(file).map_err(unreadable)?.len();
+    if size > MOST_BYTES {
+        return Err(InputError::new(file, format!("is {size} bytes long, the limit is {MOST_BYTES}")));
+    }
+    std::fs::read(file).map_err(unreadable)
+}
+
+fn of_file(file: &Path, error: ReadError) -> InputError {
+    let ReadError { line, cause, help } = error;
+    InputError { line, help, ..InputError::new(file, cause) }
 }

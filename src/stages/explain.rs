@@ -1,6 +1,8 @@
 //! Every matrix and vector of one frame's chain, with units: what `explain` prints.
 
+use super::georeference::Georeferenced;
 use crate::formats::crs::Projection;
+use crate::formats::flight::Origin;
 use crate::geodesy::{MapProjection, WGS84};
 use crate::geometry::{Displacement, Frame};
 use crate::georeference::GeoreferencedFrame;
@@ -20,6 +22,12 @@ pub struct Explanation {
     pub log_line: u64,
     /// Exposure on the log's clock, seconds.
     pub time_s: Option<f64>,
+    /// How the frame found its pose.
+    pub found: String,
+    /// Which tag or column every number came from, and by which convention it was read.
+    pub read: Vec<Origin>,
+    /// What was done to the numbers before the chain: north references, offsets.
+    pub applied: Vec<String>,
     /// What the log and the mount said, in our senses.
     pub given: Vec<Quantity>,
     /// Rotation matrices, row by row.
@@ -81,7 +89,9 @@ fn arm<F: Frame>(name: &'static str, meaning: &'static str, d: Displacement<F>) 
 
 /// Writes down the chain of one frame; an image centre that sees no ground ends its own list early.
 #[must_use]
-pub fn explain(frame: &GeoreferencedFrame, projection: &Projection) -> Explanation {
+pub fn explain(frame: &GeoreferencedFrame, survey: &Georeferenced) -> Explanation {
+    let projection = &survey.projection;
+    let source = survey.sources.get(&frame.name);
     let number = |name: &str, value: f64, unit: &'static str| Quantity { name: name.to_owned(), value, unit };
     let angle = |name: &str, a: Radians| number(name, a.degrees(), "deg");
     let (record, chain, mount) = (&frame.record, &frame.chain, &frame.mount);
@@ -151,10 +161,13 @@ pub fn explain(frame: &GeoreferencedFrame, projection: &Projection) -> Explanati
         })
         .collect();
     Explanation {
-        format: "boresight-explanation/1",
+        format: "boresight-explanation/2",
         frame: frame.name.clone(),
         log_line: record.line,
         time_s: record.time.map(Seconds::get),
+        found: source.map(|source| source.found.clone()).unwrap_or_default(),
+        read: source.map(|source| source.origins.to_vec()).unwrap_or_default(),
+        applied: source.map(|source| source.applied.clone()).unwrap_or_default(),
         given,
         rotations,
         vectors,
@@ -203,6 +216,17 @@ impl fmt::Display for Explanation {
         match self.time_s {
             Some(time) => writeln!(f, ", exposed at {time} s")?,
             None => writeln!(f)?,
+        }
+        writeln!(f, "{}", self.found)?;
+        writeln!(f, "\nread")?;
+        for origin in &self.read {
+            writeln!(f, "  {:<28} {}: {}", origin.quantity, origin.from, origin.meaning)?;
+        }
+        if !self.applied.is_empty() {
+            writeln!(f, "\napplied")?;
+        }
+        for sentence in &self.applied {
+            writeln!(f, "  {sentence}")?;
         }
         writeln!(f, "\ngiven")?;
         quantities(f, &self.given)?;

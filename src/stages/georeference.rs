@@ -28,7 +28,7 @@ use crate::georeference::{Chain, GeoreferencedFrame};
 use crate::navigation::{GimbalAngles, Mount};
 use crate::units::Seconds;
 use ground::SurveyGround;
-use join::Poses;
+use join::{Holder, Poses};
 use poses::{Conventions, Posed};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -151,7 +151,10 @@ fn poses_of_images(
         ));
     }
     match &declared.log.join {
-        Join::Name => Ok((join::by_name(images, log, &file, &own, conventions, notes)?, None)),
+        Join::Name => {
+            let holder = declared.log.file().map_or(Holder::Photos, |_| Holder::File(&file));
+            Ok((join::by_name(images, log, holder, &own, conventions, notes)?, None))
+        }
         Join::Time { max_gap_s, clock_offset_s, frames } => {
             let track = conventions.track(log, notes)?.ok_or_else(|| no_rows(declared, &log.bad))?;
             let times = sources::times(frames, images, photos, notes)?;
@@ -385,6 +388,9 @@ pub fn run(config: &Config, camera: &Arc<Camera>, context: &RunContext) -> Resul
         context.warn(note.clone());
     }
     context.write_product("frames.csv", &frames_csv(&survey)?)?;
+    if let Some(matching) = &survey.matching {
+        context.write_product("matching.csv", &rows_csv(matching.rows.iter())?)?;
+    }
     context.write_product("footprints.geojson", footprints_geojson(&survey).as_bytes())?;
     if declared.orthos {
         super::mosaic::orthos(config, &survey, context)?;
@@ -418,9 +424,16 @@ fn frames_csv(survey: &Georeferenced) -> Result<Vec<u8>, StageError> {
         })
         .collect();
     for frame in &survey.frames {
-        rows.push(FrameRow::of(frame, &survey.projection).map_err(|e| StageError::input(e.to_string()))?);
+        let found = survey.sources.get(&frame.name).map(|source| source.found.clone());
+        rows.push(
+            FrameRow::of(frame, found, &survey.projection).map_err(|e| StageError::input(e.to_string()))?,
+        );
     }
     rows.sort_by(|a, b| a.frame.cmp(&b.frame));
+    rows_csv(rows.iter())
+}
+
+fn rows_csv<'r, R: serde::Serialize + 'r>(rows: impl Iterator<Item = &'r R>) -> Result<Vec<u8>, StageError> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for row in rows {
         writer.serialize(row).map_err(|e| StageError::new(ErrorClass::Bug, e.to_string()))?;
@@ -435,6 +448,7 @@ struct FrameRow {
     frame: String,
     status: &'static str,
     reason: String,
+    pose_found: Option<String>,
     log_line: Option<u64>,
     time_s: Option<f64>,
     latitude_deg: Option<String>,
@@ -458,6 +472,7 @@ struct FrameRow {
 impl FrameRow {
     fn of(
         frame: &GeoreferencedFrame,
+        pose_found: Option<String>,
         projection: &Projection,
     ) -> Result<Self, crate::geodesy::ProjectionError> {
         let centre = WGS84.geodetic_from_ecef(&frame.ecef_from_camera().origin);
@@ -476,6 +491,7 @@ impl FrameRow {
             frame: frame.name.clone(),
             status: "used",
             reason: String::new(),
+            pose_found,
             log_line: Some(frame.record.line),
             time_s: frame.record.time.map(Seconds::get),
             latitude_deg: decimals(centre.latitude.degrees(), 9),

@@ -14,7 +14,7 @@ pub fn run(arguments: &ExplainArguments) -> Result<ExitClass, StageError> {
     let session = Session::look(&config, arguments.output.as_deref().unwrap_or(&config.run.output))?;
     let survey = session.survey()?;
     let frame = Locator::new(&config, survey).frame(&arguments.frame)?;
-    let explanation = explain(frame, &survey.projection);
+    let explanation = explain(frame, survey);
     if arguments.json {
         print_json(&explanation)?;
     } else {

@@ -8,7 +8,6 @@ use crate::accuracy::check::{
 use crate::camera::ImagePoint;
 use crate::config::Config;
 use crate::config::accuracy::{Accuracy, CheckGround, CheckPoints, CheckPosition};
-use crate::config::height::VerticalDatum;
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
 use crate::formats::geoid::Geoid;

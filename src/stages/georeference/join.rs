@@ -15,6 +15,36 @@ use std::path::Path;
 /// A pose for each image in order, or why it has none.
 pub(super) type Poses = Vec<Result<Posed, String>>;
 
+/// Who names the images.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Holder<'a> {
+    /// A file of this name.
+    File(&'a str),
+    /// Each photo itself.
+    Photos,
+}
+
+impl Holder<'_> {
+    const fn name(&self) -> &str {
+        match self {
+            Self::File(name) => name,
+            Self::Photos => "the photos",
+        }
+    }
+    fn found(self, place: u64) -> String {
+        match self {
+            Self::File(name) => format!("record {place} of {name} names it"),
+            Self::Photos => "the photo states it itself".to_owned(),
+        }
+    }
+    fn failed(self, place: u64, cause: &str) -> String {
+        match self {
+            Self::File(name) => format!("{name}, line {place}: {cause}"),
+            Self::Photos => cause.to_owned(),
+        }
+    }
+}
+
 /// The pose of each image, by the name that the log gives it.
 ///
 /// - `own`: what each photo says of its own attitude, where the log says nothing of any; may be empty.
@@ -24,7 +54,7 @@ pub(super) type Poses = Vec<Result<Posed, String>>;
 pub(super) fn by_name(
     images: &[String],
     log: &FlightLog,
-    file: &str,
+    holder: Holder<'_>,
     own: &[Option<Exposure>],
     conventions: &Conventions<'_>,
     notes: &mut Vec<String>,
@@ -39,21 +69,22 @@ pub(super) fn by_name(
         let (image, place) = (names.image_of(name), exposure.place);
         let photo = images.binary_search(&image).ok().and_then(|k| own.get(k)?.as_ref());
         let posed = antenna.and_then(|antenna| {
-            let found = format!("record {place} of {file} names it");
+            let found = holder.found(place);
             conventions.pose(&with_own(exposure, photo), antenna, None, Seconds::new(0.0), found)
         });
-        let posed = posed.map_err(|cause| format!("{file}, line {place}: {cause}"));
+        let posed = posed.map_err(|cause| holder.failed(place, &cause));
         rows.entry(image).or_default().push((place, posed));
     }
     for record in &log.bad {
         match record.frame.as_deref().filter(|name| !name.is_empty()) {
             None => nameless += 1,
             Some(name) => {
-                let cause = format!("{file}, line {}: {}", record.place, record.cause);
+                let cause = holder.failed(record.place, &record.cause);
                 rows.entry(names.image_of(name)).or_default().push((record.place, Err(cause)));
             }
         }
     }
+    let file = holder.name();
     if nameless > 0 {
         notes.push(format!("{nameless} rows of {file} name no frame"));
     }

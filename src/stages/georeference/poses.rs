@@ -110,6 +110,8 @@ pub(super) struct Conventions<'a> {
     /// For heights above ground.
     ground: HeightsUnder<'a>,
     clock: Clock,
+    /// Where the numbers of the series came from.
+    origins: &'a [Origin],
 }
 
 impl<'a> Conventions<'a> {
@@ -119,7 +121,7 @@ impl<'a> Conventions<'a> {
     /// [`InputError`] for a CRS that PROJ does not know or that is missing.
     pub(super) fn new(
         declared: &'a Georeference,
-        log: &FlightLog,
+        log: &'a FlightLog,
         product_crs: impl FnOnce() -> Result<Projection, InputError>,
         geoid: &'a Geoid,
         ground: HeightsUnder<'a>,
@@ -130,7 +132,7 @@ impl<'a> Conventions<'a> {
             None if needs_grid(declared, log) => Some(product_crs()?),
             None => None,
         };
-        Ok(Self { declared, geoid, grid, ground, clock: log.clock })
+        Ok(Self { declared, geoid, grid, ground, clock: log.clock, origins: &log.origins })
     }
 
     /// Positions of the antenna above the ellipsoid, in order.
@@ -345,7 +347,9 @@ impl<'a> Conventions<'a> {
             velocity: self.velocity(exposure, &attitude).or(around.and_then(|record| record.velocity)),
             pixel_rotation: exposure.pixel_rotation,
         };
-        Ok(Posed { record, mount, source: PoseSource { found, origins: exposure.origins.clone(), applied } })
+        let series = if around.is_some() { self.origins } else { &[] };
+        let origins = exposure.origins.iter().chain(series).cloned().collect();
+        Ok(Posed { record, mount, source: PoseSource { found, origins, applied } })
     }
 
     /// The track at an exposure that does not state everything itself.
