@@ -40,6 +40,8 @@ pub(super) struct Mode {
     pub log_weight: f64,
     /// Logarithm of its weight as it stands, for neighbours that differ in the offset alone.
     pub log_sum: f64,
+    /// What the clocks known beforehand contribute to it.
+    pub log_prior: f64,
     pub edges: Vec<Edge>,
     /// Covariance of `at_pivot` and drift, conservative: from the scatter of the residuals.
     pub covariance: [[f64; 2]; 2],
@@ -98,8 +100,10 @@ pub(super) fn refine(series: &Series, start: Hypothesis, prior: &Prior, log_rang
     let edges = sums.edges(series, &h);
     let covariance = covariance(series, &edges, &h);
     let log_sum = log_posterior(&sums, &h, prior);
+    let log_prior = prior.log_offset(&h).0;
     let width = covariance[0][0].sqrt().clamp(1e-6, 60.0);
-    Some(Mode { hypothesis: h, log_weight: log_sum + width.ln() - log_range, log_sum, edges, covariance })
+    let log_weight = log_sum + width.ln() - log_range;
+    Some(Mode { hypothesis: h, log_weight, log_sum, log_prior, edges, covariance })
 }
 
 /// How often a partner is missing, from the expected number of pairs; half a case and ten attempts beforehand, so that

@@ -1,7 +1,7 @@
 //! From times to accepted pairs: check, search, refine, weigh the hypotheses against each other, decide.
 
 use super::fit::{Mode, Prior, log_posterior, refine};
-use super::model::{Hypothesis, Series, Sums};
+use super::model::{Edge, Hypothesis, Series, Sums};
 use super::votes::guesses;
 use super::{
     ClockFit, ClockPrior, MatchError, MatchOptions, Matching, Pair, PhotoReason, PhotoTime, Recording,
@@ -32,6 +32,8 @@ struct Given {
     photo_origin: f64,
     trigger_origin: f64,
     out_of_order: usize,
+    /// Photos of one instant whose order is unknown.
+    unsure: Vec<bool>,
 }
 
 pub(super) fn resolve(
@@ -67,8 +69,15 @@ fn check(photos: &[PhotoTime], triggers: &[Seconds], options: &MatchOptions) -> 
         return Err(MatchError::TooFew { photos: timed.len(), triggers: triggers.len(), least });
     }
     let out_of_order = timed.windows(2).filter(|w| w[1].1 < w[0].1).count();
+    // One step back is a counter that wrapped: the file order then starts after it.
+    if out_of_order == 1
+        && let Some(seam) = timed.windows(2).position(|w| w[1].1 < w[0].1)
+    {
+        timed.rotate_left(seam + 1);
+    }
     // Stable: photos of the same second keep their order.
     timed.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let unsure = unsure_ties(&timed, out_of_order);
     let (first, last) = (timed[0].1, timed[timed.len() - 1].1);
     let (start, end) = (triggers[0].get(), triggers[triggers.len() - 1].get());
     let photo_origin = 0.5 * (first + last);
@@ -88,7 +97,22 @@ fn check(photos: &[PhotoTime], triggers: &[Seconds], options: &MatchOptions) -> 
         photo_origin,
         trigger_origin,
         out_of_order,
+        unsure,
     })
+}
+
+/// Photos of one instant that do not stand together in a file order that time does not follow: nothing says which of
+/// them came first.
+fn unsure_ties(timed: &[(usize, f64)], out_of_order: usize) -> Vec<bool> {
+    let mut unsure = vec![false; timed.len()];
+    if out_of_order > 1 {
+        for i in 1..timed.len() {
+            if timed[i].1 == timed[i - 1].1 && timed[i].0 != timed[i - 1].0 + 1 {
+                (unsure[i - 1], unsure[i]) = (true, true);
+            }
+        }
+    }
+    unsure
 }
 
 fn check_triggers(triggers: &[Seconds]) -> Result<(), MatchError> {
@@ -302,7 +326,10 @@ fn decide(
     let ours: f64 = kin.iter().map(weight).sum();
     let total = ours + others.iter().map(weight).sum::<f64>() + (log_nothing(series) - heaviest).exp();
     let probability = ours / total;
-    let runner_up = others.first().map(|o| RunnerUp {
+    let decisions: Vec<Decided> = others.iter().map(|o| decided(series, best, o)).collect();
+    // The one that nothing decides against, or else the next in weight.
+    let undecided = decisions.iter().position(|d| *d == Decided::No);
+    let runner_up = others.get(undecided.unwrap_or(0)).map(|o| RunnerUp {
         shift: Seconds::new(offset_of(&o.hypothesis, best.hypothesis.pivot) - offset_at_pivot(best)),
         pairs: o.pairs().round() as usize,
         log_ratio: best.log_weight - o.log_weight,
@@ -313,7 +340,7 @@ fn decide(
     if best.log_weight < log_nothing(series) || 2 * found < within || found == 0 {
         return Err(MatchError::Unrelated { pairs: found, photos: within, triggers: triggers.len() });
     }
-    if !(probability >= 1.0 - OTHERS) {
+    if !(probability >= 1.0 - OTHERS) || undecided.is_some() {
         return Err(MatchError::Ambiguous {
             offset_s: clock.offset.get(),
             pairs: found,
@@ -330,7 +357,7 @@ fn decide(
         clock,
         probability,
         runner_up,
-        rests_on_count: rests_on_count(series, best, &others),
+        rests_on_count: decisions.contains(&Decided::ByCount),
         out_of_order: given.out_of_order,
     };
     accept(photos, triggers, options, given, &table, &mut matching);
@@ -351,13 +378,33 @@ fn photos_within(series: &Series, h: &Hypothesis) -> usize {
     series.photos.iter().filter(|t| (first..=last).contains(&h.predict(**t))).count()
 }
 
-/// The residuals alone prefer the best alignment to the next by less than 3 (a factor of 20).
-fn rests_on_count(series: &Series, best: &Mode, others: &[&Mode]) -> bool {
-    others.iter().any(|o| {
-        let pairs = o.pairs().min(best.pairs());
-        pairs > 0.5 * best.pairs()
-            && pairs * (best.mean_log_density(series) - o.mean_log_density(series)) < 3.0
-    })
+/// What decides between the best alignment and another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Decided {
+    /// Residuals, or the places of the gaps.
+    ByTimes,
+    /// Only that there are as many photos as triggers, and none lacks its partner.
+    ByCount,
+    /// Nothing that chance could not do as well.
+    No,
+}
+
+/// The probabilities alone would trust too much in gaps that coincide: with evenly spaced triggers, misfires and
+/// missing events leave holes in both series, and some shift brings two holes together by chance. So a number of pairs
+/// counts only when it exceeds what such chances give.
+fn decided(series: &Series, best: &Mode, other: &Mode) -> Decided {
+    let (pairs, fewer) = (best.pairs(), other.pairs());
+    let by_residuals = pairs.min(fewer) * (best.mean_log_density(series) - other.mean_log_density(series))
+        + (best.log_prior - other.log_prior);
+    // Holes that did not come together; one more of each may be hidden at the ends.
+    let misfires = series.triggers.len() as f64 - pairs;
+    let extras = photos_within(series, &best.hypothesis) as f64 - pairs;
+    let chance = (misfires.max(0.0) + 1.0) * (extras.max(0.0) + 1.0) / pairs.max(1.0);
+    if by_residuals >= -OTHERS.ln() || pairs - fewer >= 2.7 + chance + 3.0 * chance.sqrt() {
+        return Decided::ByTimes;
+    }
+    let all = series.triggers.len().min(series.photos.len()) as f64 - pairs < 0.5;
+    if all && series.triggers.len() == series.photos.len() { Decided::ByCount } else { Decided::No }
 }
 
 fn clock(options: &MatchOptions, given: &Given, prior: &Prior, best: &Mode) -> ClockFit {
@@ -389,40 +436,73 @@ fn clock(options: &MatchOptions, given: &Given, prior: &Prior, best: &Mode) -> C
     }
 }
 
-/// For each photo its triggers with their probabilities, over the alignment's near variants and over the offsets that
-/// each of them leaves open.
+/// For each photo its triggers with their probabilities, over the alignment's near variants and over the offsets and
+/// drifts that each of them leaves open.
+///
+/// Of two probabilities the smaller one stands: that of the hypothesis as fitted, and that of a wary one, for which
+/// misfires and extra photos are no rarer than one in twenty and late shutters are usual: a flight without many gaps
+/// says little about the next one.
 fn mixture(series: &Series, prior: &Prior, kin: &[&Mode]) -> Vec<Vec<(usize, f64)>> {
-    const STEPS: i32 = 4;
+    const STEPS: i32 = 3;
     let heaviest = kin[0].log_weight;
     let widest = series.halves.iter().copied().fold(0.0, f64::max);
-    let mut table: Vec<Vec<(usize, f64)>> = vec![Vec::new(); series.photos.len()];
+    let mut table: Vec<Vec<(usize, [f64; 2])>> = vec![Vec::new(); series.photos.len()];
     let mut total = 0.0;
+    let reach = 0.5 * (series.triggers[series.triggers.len() - 1] - series.triggers[0]).max(1.0);
     for mode in kin.iter().filter(|m| m.log_weight > heaviest - 12.0) {
-        let step = (0.5 * mode.hypothesis.scale).max(widest / 6.0);
-        for k in -STEPS..=STEPS {
-            let h =
-                Hypothesis { at_pivot: mode.hypothesis.at_pivot + f64::from(k) * step, ..mode.hypothesis };
-            let Some(sums) = Sums::new(series, &h) else { continue };
-            let share = (log_posterior(&sums, &h, prior) - mode.log_sum + mode.log_weight - heaviest).exp();
+        let step = (0.5 * mode.hypothesis.scale).max(widest / 8.0);
+        // The start of the log moves by one count, its end by the other.
+        for (start, end) in (-STEPS..=STEPS).flat_map(|a| (-STEPS..=STEPS).map(move |b| (a, b))) {
+            let (start, end) = (f64::from(start) * step, f64::from(end) * step);
+            let at = mode.hypothesis;
+            let moved = Hypothesis {
+                at_pivot: at.at_pivot + 0.5 * (start + end),
+                drift: at.drift + 0.5 * (end - start) / reach,
+                ..at
+            };
+            if moved.drift.abs() > prior.drift_limit && start != end {
+                continue;
+            }
+            let Some(sums) = Sums::new(series, &moved) else { continue };
+            let share =
+                (log_posterior(&sums, &moved, prior) - mode.log_sum + mode.log_weight - heaviest).exp();
             // NaN is left out as well.
             if !(share > 1e-5) {
                 continue;
             }
+            let wary = wary(series, moved);
+            let Some(wary_sums) = Sums::new(series, &wary) else { continue };
             total += share;
-            for e in sums.edges(series, &h) {
-                let row = &mut table[e.photo];
-                let p = share * e.probability;
-                match row.iter_mut().find(|(j, _)| *j == e.trigger) {
-                    Some((_, sum)) => *sum += p,
-                    None => row.push((e.trigger, p)),
-                }
-            }
+            add(&mut table, &sums.edges(series, &moved), [share, 0.0]);
+            add(&mut table, &wary_sums.edges(series, &wary), [0.0, share]);
         }
     }
-    for (_, p) in table.iter_mut().flatten() {
-        *p /= total;
+    let smaller =
+        |row: Vec<(usize, [f64; 2])>| row.into_iter().map(|(j, [a, b])| (j, a.min(b) / total)).collect();
+    table.into_iter().map(smaller).collect()
+}
+
+fn wary(series: &Series, h: Hypothesis) -> Hypothesis {
+    const GAPS: f64 = 0.05;
+    const LATE_S: f64 = 0.05;
+    Hypothesis {
+        misfire: h.misfire.max(GAPS),
+        extra_rate: h.extra_rate.max(GAPS / series.interval),
+        scale: (2.0 * h.scale).max(LATE_S).min(series.interval / 8.0).max(h.scale),
+        ..h
     }
-    table
+}
+
+/// Adds the pairs' probabilities to the table, times the two shares.
+fn add(table: &mut [Vec<(usize, [f64; 2])>], edges: &[Edge], shares: [f64; 2]) {
+    for e in edges {
+        let row = &mut table[e.photo];
+        let p = shares.map(|s| s * e.probability);
+        match row.iter_mut().find(|(j, _)| *j == e.trigger) {
+            Some((_, sum)) => *sum = [sum[0] + p[0], sum[1] + p[1]],
+            None => row.push((e.trigger, p)),
+        }
+    }
 }
 
 fn accept(
@@ -437,11 +517,11 @@ fn accept(
     let mut photo_pair: Vec<Option<Pair>> = vec![None; photos.len()];
     let mut doubtful: Vec<Option<usize>> = vec![None; triggers.len()];
     let mut reason: Vec<PhotoReason> = vec![PhotoReason::NoTime; photos.len()];
-    for (row, &photo) in table.iter().zip(&given.photo_index) {
+    for ((row, &photo), unsure) in table.iter().zip(&given.photo_index).zip(&given.unsure) {
         let predicted = clock.log_time(&photos[photo]);
         let likeliest = row.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
         match likeliest {
-            Some((trigger, probability)) if probability >= options.level => {
+            Some((trigger, probability)) if probability >= options.level && !unsure => {
                 photo_pair[photo] = Some(Pair {
                     photo,
                     trigger,
@@ -526,4 +606,16 @@ fn fill_untimed(
         }
         i = end;
     }
+}
+
+#[cfg(test)]
+pub(super) fn debug(
+    photos: &[PhotoTime],
+    triggers: &[Seconds],
+    options: &MatchOptions,
+) -> Result<(f64, Prior, Vec<Mode>), MatchError> {
+    let given = check(photos, triggers, options)?;
+    let prior = prior(photos, triggers, options, &given)?;
+    let m = modes(&given.series, &prior)?;
+    Ok((given.series.interval, prior, m))
 }
