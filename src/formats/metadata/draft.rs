@@ -36,6 +36,8 @@ pub(super) struct Draft {
     pub out: PhotoMetadata,
     pub place: Option<Place>,
     pub height: Option<Height>,
+    /// Why a maker's position that is there cannot be used.
+    place_problem: Option<String>,
     origins: Vec<Origin>,
 }
 
@@ -63,7 +65,7 @@ impl Draft {
             turned: None,
             findings,
         };
-        Self { exif, xmp, out, place: None, height: None, origins: Vec::new() }
+        Self { exif, xmp, out, place: None, height: None, place_problem: None, origins: Vec::new() }
     }
 
     pub(super) fn note(&mut self, text: impl Into<String>) {
@@ -160,7 +162,11 @@ impl Draft {
                 let from = [tag(latitude), tag(longitude)];
                 self.place = Some(Place { latitude_deg: lat, longitude_deg: lon, from });
             }
-            Err(cause) => self.warn(format!("{} is not used: {cause}", tag(latitude))),
+            Err(cause) => {
+                let text = format!("{} is not used: {cause}", tag(latitude));
+                self.place_problem = Some(text.clone());
+                self.warn(text);
+            }
         }
     }
 
@@ -238,14 +244,16 @@ impl Draft {
     fn position(&mut self) -> Result<LoggedPosition, String> {
         let place = self.place.take();
         let height = self.height.take();
+        let problem = self.place_problem.take().or_else(|| self.exif.position_problem.take());
         let Some(place) = place else {
-            return Err("neither EXIF nor XMP holds a latitude and longitude".to_owned());
+            let absent = || "neither EXIF nor XMP holds a latitude and longitude".to_owned();
+            return Err(problem.unwrap_or_else(absent));
         };
         let (latitude, longitude) =
             (Radians::from_degrees(place.latitude_deg), Radians::from_degrees(place.longitude_deg));
         geodetic(latitude, longitude, 0.0, HeightKind::Ellipsoid)?;
-        let Some(height) = height else {
-            return Err("neither EXIF nor XMP holds a height".to_owned());
+        let Some(height) = height.or_else(|| self.relative_height()) else {
+            return Err(problem.unwrap_or_else(|| "neither EXIF nor XMP holds a height".to_owned()));
         };
         let metres = plausible_height(height.metres)?;
         let [from_latitude, from_longitude] = place.from;
@@ -253,6 +261,20 @@ impl Draft {
         self.origin("longitude", from_longitude, "WGS 84, positive east");
         self.origin("height", height.from, height.meaning);
         geodetic(latitude, longitude, metres, height.kind)
+    }
+
+    /// A height above take-off or ground, where there is no other.
+    fn relative_height(&self) -> Option<Height> {
+        let exposure = &self.out.exposure;
+        let above_takeoff = exposure.height_above_takeoff_m.map(|h| (h, HeightKind::AboveTakeoff));
+        let above_ground = || exposure.height_above_ground_m.map(|h| (h, HeightKind::AboveGround));
+        let (metres, kind) = above_takeoff.or_else(above_ground)?;
+        Some(Height {
+            metres,
+            kind,
+            from: "the height above take-off or ground, metres".to_owned(),
+            meaning: "relative: the photo states no other height".to_owned(),
+        })
     }
 
     /// True when the camera's maker is named so.

@@ -32,6 +32,8 @@ pub(super) struct ExifTags {
     /// Direction of travel, degrees, and its reference.
     pub track_deg: Option<(f64, bool)>,
     pub void_fix: bool,
+    /// Why a position that is there cannot be used.
+    pub position_problem: Option<String>,
     pub findings: Vec<Finding>,
 }
 
@@ -117,6 +119,7 @@ fn times(exif: &Exif, tags: &mut ExifTags) {
 }
 
 fn gps(exif: &Exif, tags: &mut ExifTags) {
+    let before = tags.findings.len();
     let found = &mut tags.findings;
     tags.latitude_deg =
         coordinate(exif, (Tag::GPSLatitude, Tag::GPSLatitudeRef), "GPSLatitude", ["N", "S"], found);
@@ -132,6 +135,7 @@ fn gps(exif: &Exif, tags: &mut ExifTags) {
         let below = matches!(reference, 1 | 3);
         GpsHeight { metres: if below { -metres } else { metres }, reference }
     });
+    tags.position_problem = found.get(before).map(|f| f.text.clone());
     tags.horizontal_error_m =
         real(exif, Tag::GPSHPositioningError, "GPSHPositioningError", found).filter(|v| *v > 0.0 && *v < 1e4);
     tags.track_deg = real(exif, Tag::GPSTrack, "GPSTrack", found)

@@ -36,6 +36,11 @@ fn attitude(draft: &mut Draft, namespace: Namespace) {
              defines it, OpenDroneMap takes the opposite; compare two strips before relying on it",
         );
     }
+    if draft.is_made_by("sensefly") && draft.height.is_none() {
+        draft.note(
+            "on senseFly's Swinglet the EXIF height was the receiver's, above the ellipsoid: compare with the ground",
+        );
+    }
     if draft.is_made_by("autel") {
         draft.warn(
             "Autel's older firmware writes heights above sea level even where its tags name the ellipsoid: compare \

@@ -139,6 +139,19 @@ fn dji_s_height_is_the_ellipsoid_s_only_by_rtk() {
 }
 
 #[test]
+fn a_photo_without_an_absolute_height_keeps_the_relative_one() {
+    let photo = dji_with(&[("AbsoluteAltitude", ""), ("RtkFlag", "")]);
+    let (_, _, height, kind) = position(&photo);
+    assert_eq!((height, kind), (109.983, HeightKind::AboveTakeoff));
+    assert!(
+        dji_with(&[("AbsoluteAltitude", ""), ("RelativeAltitude", "")])
+            .no_position
+            .unwrap()
+            .contains("height")
+    );
+}
+
+#[test]
 fn a_gimbal_past_nadir_is_the_same_rotation() {
     let flipped = dji_with(&[
         ("GimbalRollDegree", "180.0"),
@@ -233,7 +246,7 @@ fn sensefly_s_autopilot_and_its_course() {
     near(lat, 41.034_760_6);
     near(lon, -83.305_465_4);
     assert_eq!((height, kind), (315.753, SEA));
-    assert!(origin(&photo, "height").1.contains("AltitudeWGS84, the receiver's own, is 283.824 m"));
+    assert!(origin(&photo, "height by GPS").1.contains("283.824 m above the ellipsoid"));
     let Some(LoggedAttitude::Body { angles, north: North::True }) = photo.exposure.attitude else { panic!() };
     near(angles.yaw.degrees(), 30.5);
     near(angles.pitch.degrees(), -1.5);
@@ -294,6 +307,7 @@ fn sensefly_s_camera_namespace_says_that_its_roll_is_disputed() {
     let photo = parse(&jpeg(Some(&exif), Some(&text), (5472, 3648)));
     assert!(matches!(photo.exposure.attitude, Some(LoggedAttitude::Camera { .. })));
     assert!(finds(&photo, Severity::Warning, "disputed"));
+    assert!(finds(&photo, Severity::Note, "Swinglet"));
 }
 
 #[test]
@@ -496,6 +510,7 @@ fn a_log_quarantines_only_the_bad_photo() {
     assert!(log.exposures[0].origins.iter().any(|o| o.quantity == "time"));
     assert_eq!(log.bad.len(), 1);
     assert_eq!(log.bad[0].frame.as_deref(), Some("../e ü\".jpg"));
+    assert!(log.bad[0].cause.contains("latitude 91° lies outside ±90°"), "{}", log.bad[0].cause);
     assert!(log.notes.iter().any(|n| n.contains("2 aircraft: A, B")), "{:?}", log.notes);
     assert!(log.notes.iter().any(|n| n.contains("latitude 91")), "{:?}", log.notes);
     assert!(flight_log(Vec::new()).exposures.is_empty());

@@ -87,7 +87,8 @@ fn seneca_s_photos_hold_the_log() {
         assert!(!photo.findings.iter().any(|f| f.severity >= Severity::Warning), "{:?}", photo.findings);
     }
     println!("{:#?}", log.notes);
-    assert!(log.notes[0].starts_with("69 photos of Canon"), "{:?}", log.notes);
+    assert!(log.notes[0].starts_with("69 photos of Canon PowerShot"), "{:?}", log.notes);
+    assert!(log.notes.iter().any(|n| n.starts_with("69 photos, UAV yaw: the course")), "{:?}", log.notes);
 }
 
 /// Pearson's correlation and the mean of b - a.
