@@ -29,6 +29,11 @@ pub(super) struct Place {
     pub from: [String; 2],
 }
 
+/// A text fit for messages: short, without control characters.
+fn plain(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(256).collect()
+}
+
 /// The photo so far, and the tags to fill it from.
 pub(super) struct Draft {
     pub exif: ExifTags,
@@ -43,8 +48,7 @@ pub(super) struct Draft {
 
 impl Draft {
     pub(super) fn new(exif: ExifTags, xmp: Xmp, size: Option<(u32, u32)>, findings: Vec<Finding>) -> Self {
-        let xmp_text =
-            |namespace, name| xmp.text(namespace, name).map(|t| t.chars().take(256).collect::<String>());
+        let xmp_text = |namespace, name| xmp.text(namespace, name).map(plain);
         let out = PhotoMetadata {
             exposure: Exposure::at(1),
             no_position: None,
@@ -87,7 +91,7 @@ impl Draft {
 
     /// A tag's text, owned.
     pub(super) fn text(&self, namespace: Namespace, name: &str) -> Option<String> {
-        self.xmp.text(namespace, name).map(|t| t.chars().take(256).collect())
+        self.xmp.text(namespace, name).map(plain)
     }
 
     /// A tag's number; one that is broken is reported and counts as absent.

@@ -105,9 +105,7 @@ fn times(exif: &Exif, tags: &mut ExifTags) {
     };
     match wall_clock(&stated) {
         Ok(clock) => {
-            let (fraction, resolution_s) = text(exif, Tag::SubSecTimeOriginal)
-                .and_then(|t| fraction_of_second(&t))
-                .unwrap_or((0.0, clock.resolution_s));
+            let (fraction, resolution_s) = sub_second(exif, &stated).unwrap_or((0.0, clock.resolution_s));
             tags.taken = Some(CivilTime {
                 time: Seconds::new(clock.seconds + fraction),
                 resolution_s,
@@ -115,6 +113,18 @@ fn times(exif: &Exif, tags: &mut ExifTags) {
             });
         }
         Err(cause) => tags.findings.push(Finding::warning(format!("DateTimeOriginal is not used: {cause}"))),
+    }
+}
+
+/// The fraction of the second that belongs to `DateTimeOriginal`, and its last digit's worth. `SubSecTime` belongs to
+/// `DateTime`; where that is the same instant or absent it serves too. MicaSense writes negative ones.
+fn sub_second(exif: &Exif, taken: &str) -> Option<(f64, f64)> {
+    let same = text(exif, Tag::DateTime).is_none_or(|changed| changed == taken);
+    let stated =
+        text(exif, Tag::SubSecTimeOriginal).or_else(|| text(exif, Tag::SubSecTime).filter(|_| same))?;
+    match stated.strip_prefix('-') {
+        Some(digits) => fraction_of_second(digits).map(|(fraction, resolution)| (-fraction, resolution)),
+        None => fraction_of_second(&stated),
     }
 }
 

@@ -300,6 +300,13 @@ fn pix4d_s_camera_of_a_sequoia() {
 }
 
 #[test]
+fn a_pitch_counted_from_the_horizon_is_suspected() {
+    let text = attributes("http://pix4d.com/camera/1.0/", &[("Yaw", "1"), ("Pitch", "-89.5"), ("Roll", "0")]);
+    let photo = parse(&jpeg(Some(&Exif::default().with_gps()), Some(&text), (1280, 960)));
+    assert!(finds(&photo, Severity::Warning, "Camera:Pitch is -89.5°"));
+}
+
+#[test]
 fn sensefly_s_camera_namespace_says_that_its_roll_is_disputed() {
     let text =
         attributes("http://ns.sensefly.com/Camera/1.0/", &[("Yaw", "1"), ("Pitch", "2"), ("Roll", "3")]);
@@ -439,6 +446,14 @@ fn times_know_their_zone_and_resolution() {
     let gps = exif.text(0x1D, "2013:06:04").rationals(7, &[(17, 1), (38, 1), (905, 100)]);
     let photo = parse(&jpeg(Some(&gps), None, (100, 80)));
     assert_eq!(photo.times.utc(None).unwrap().time.get(), 1_370_367_489.05);
+    // MicaSense: UTC, with a signed fraction in the tag of the other time.
+    let rededge = Exif::default()
+        .text(0x10F, "MicaSense")
+        .text(0x132, "2013:06:04 13:37:35")
+        .text(0x9003, "2013:06:04 13:37:35")
+        .text(0x9290, "-250000");
+    let photo = parse(&jpeg(Some(&rededge), None, (100, 80)));
+    assert_eq!(photo.times.utc(None).unwrap().time.get(), 1_370_353_054.75);
     // Without a zone, only a declared one gives UTC.
     let photo = parse(&jpeg(Some(&Exif::default().text(0x9003, "2013:06:04 13:37:35")), None, (9, 8)));
     assert!(photo.times.utc(None).is_none());
