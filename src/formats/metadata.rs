@@ -18,6 +18,8 @@
 //! | Skydio (`drone-skydio`) | `Latitude`, `Longitude` | X10: EXIF's, ellipsoid; others: `AbsoluteAltitude`, sea level (EGM96), an assumption | gimbal: `CameraOrientationNED`, pitch -90° at nadir |
 //! | MicaSense (`MicaSense`, `DLS`) | EXIF | EXIF | none: `DLS` is the irradiance sensor's attitude |
 //!
+//! MicaSense's clock keeps UTC (the maker's own `imageprocessing`), so its `DateTimeOriginal` needs no offset tag.
+//!
 //! Sources: DJI's manuals of the Mavic 3M, Zenmuse P1 and Matrice 4 (lists of XMP fields), Pix4D's "Specifications of
 //! xmp.camera tags" and "Yaw, Pitch, Roll and Omega, Phi, Kappa angles", Parrot's "Embedded Photo Metadata", Skydio's
 //! "camera and metadata overview" and "X10 RTK/PPK metadata overview", EXIF 2.32 and 3.0 (CIPA DC-008).

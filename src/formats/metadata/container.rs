@@ -175,7 +175,11 @@ fn png<S: Read + Seek>(source: &mut BufReader<S>) -> Result<Blocks, ReadError> {
                     found.size = Some((size[0], size[1]));
                 }
             }
-            b"eXIf" => found.exif = found.exif.or(Some(bytes)),
+            b"eXIf" => {
+                // Some writers keep the JPEG's prefix.
+                let bare = bytes.strip_prefix(EXIF).map(<[u8]>::to_vec);
+                found.exif = found.exif.or(Some(bare.unwrap_or(bytes)));
+            }
             _ => {
                 // Keyword, compression flag and method, language, translated keyword, text.
                 if let Some([flag, _, rest @ ..]) = bytes.strip_prefix(XMP_KEYWORD) {

@@ -29,6 +29,11 @@ pub(super) struct Place {
     pub from: [String; 2],
 }
 
+/// A text fit for messages: short, without control characters.
+fn plain(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(256).collect()
+}
+
 /// The photo so far, and the tags to fill it from.
 pub(super) struct Draft {
     pub exif: ExifTags,
@@ -36,13 +41,14 @@ pub(super) struct Draft {
     pub out: PhotoMetadata,
     pub place: Option<Place>,
     pub height: Option<Height>,
+    /// Why a maker's position that is there cannot be used.
+    place_problem: Option<String>,
     origins: Vec<Origin>,
 }
 
 impl Draft {
     pub(super) fn new(exif: ExifTags, xmp: Xmp, size: Option<(u32, u32)>, findings: Vec<Finding>) -> Self {
-        let xmp_text =
-            |namespace, name| xmp.text(namespace, name).map(|t| t.chars().take(256).collect::<String>());
+        let xmp_text = |namespace, name| xmp.text(namespace, name).map(plain);
         let out = PhotoMetadata {
             exposure: Exposure::at(1),
             no_position: None,
@@ -63,7 +69,7 @@ impl Draft {
             turned: None,
             findings,
         };
-        Self { exif, xmp, out, place: None, height: None, origins: Vec::new() }
+        Self { exif, xmp, out, place: None, height: None, place_problem: None, origins: Vec::new() }
     }
 
     pub(super) fn note(&mut self, text: impl Into<String>) {
@@ -85,7 +91,7 @@ impl Draft {
 
     /// A tag's text, owned.
     pub(super) fn text(&self, namespace: Namespace, name: &str) -> Option<String> {
-        self.xmp.text(namespace, name).map(|t| t.chars().take(256).collect())
+        self.xmp.text(namespace, name).map(plain)
     }
 
     /// A tag's number; one that is broken is reported and counts as absent.
@@ -160,7 +166,11 @@ impl Draft {
                 let from = [tag(latitude), tag(longitude)];
                 self.place = Some(Place { latitude_deg: lat, longitude_deg: lon, from });
             }
-            Err(cause) => self.warn(format!("{} is not used: {cause}", tag(latitude))),
+            Err(cause) => {
+                let text = format!("{} is not used: {cause}", tag(latitude));
+                self.place_problem = Some(text.clone());
+                self.warn(text);
+            }
         }
     }
 
@@ -238,14 +248,16 @@ impl Draft {
     fn position(&mut self) -> Result<LoggedPosition, String> {
         let place = self.place.take();
         let height = self.height.take();
+        let problem = self.place_problem.take().or_else(|| self.exif.position_problem.take());
         let Some(place) = place else {
-            return Err("neither EXIF nor XMP holds a latitude and longitude".to_owned());
+            let absent = || "neither EXIF nor XMP holds a latitude and longitude".to_owned();
+            return Err(problem.unwrap_or_else(absent));
         };
         let (latitude, longitude) =
             (Radians::from_degrees(place.latitude_deg), Radians::from_degrees(place.longitude_deg));
         geodetic(latitude, longitude, 0.0, HeightKind::Ellipsoid)?;
-        let Some(height) = height else {
-            return Err("neither EXIF nor XMP holds a height".to_owned());
+        let Some(height) = height.or_else(|| self.relative_height()) else {
+            return Err(problem.unwrap_or_else(|| "neither EXIF nor XMP holds a height".to_owned()));
         };
         let metres = plausible_height(height.metres)?;
         let [from_latitude, from_longitude] = place.from;
@@ -253,6 +265,20 @@ impl Draft {
         self.origin("longitude", from_longitude, "WGS 84, positive east");
         self.origin("height", height.from, height.meaning);
         geodetic(latitude, longitude, metres, height.kind)
+    }
+
+    /// A height above take-off or ground, where there is no other.
+    fn relative_height(&self) -> Option<Height> {
+        let exposure = &self.out.exposure;
+        let above_takeoff = exposure.height_above_takeoff_m.map(|h| (h, HeightKind::AboveTakeoff));
+        let above_ground = || exposure.height_above_ground_m.map(|h| (h, HeightKind::AboveGround));
+        let (metres, kind) = above_takeoff.or_else(above_ground)?;
+        Some(Height {
+            metres,
+            kind,
+            from: "the height above take-off or ground, metres".to_owned(),
+            meaning: "relative: the photo states no other height".to_owned(),
+        })
     }
 
     /// True when the camera's maker is named so.

@@ -32,6 +32,8 @@ pub(super) struct ExifTags {
     /// Direction of travel, degrees, and its reference.
     pub track_deg: Option<(f64, bool)>,
     pub void_fix: bool,
+    /// Why a position that is there cannot be used.
+    pub position_problem: Option<String>,
     pub findings: Vec<Finding>,
 }
 
@@ -103,9 +105,7 @@ fn times(exif: &Exif, tags: &mut ExifTags) {
     };
     match wall_clock(&stated) {
         Ok(clock) => {
-            let (fraction, resolution_s) = text(exif, Tag::SubSecTimeOriginal)
-                .and_then(|t| fraction_of_second(&t))
-                .unwrap_or((0.0, clock.resolution_s));
+            let (fraction, resolution_s) = sub_second(exif, &stated).unwrap_or((0.0, clock.resolution_s));
             tags.taken = Some(CivilTime {
                 time: Seconds::new(clock.seconds + fraction),
                 resolution_s,
@@ -116,7 +116,20 @@ fn times(exif: &Exif, tags: &mut ExifTags) {
     }
 }
 
+/// The fraction of the second that belongs to `DateTimeOriginal`, and its last digit's worth. `SubSecTime` belongs to
+/// `DateTime`; where that is the same instant or absent it serves too. MicaSense writes negative ones.
+fn sub_second(exif: &Exif, taken: &str) -> Option<(f64, f64)> {
+    let same = text(exif, Tag::DateTime).is_none_or(|changed| changed == taken);
+    let stated =
+        text(exif, Tag::SubSecTimeOriginal).or_else(|| text(exif, Tag::SubSecTime).filter(|_| same))?;
+    match stated.strip_prefix('-') {
+        Some(digits) => fraction_of_second(digits).map(|(fraction, resolution)| (-fraction, resolution)),
+        None => fraction_of_second(&stated),
+    }
+}
+
 fn gps(exif: &Exif, tags: &mut ExifTags) {
+    let before = tags.findings.len();
     let found = &mut tags.findings;
     tags.latitude_deg =
         coordinate(exif, (Tag::GPSLatitude, Tag::GPSLatitudeRef), "GPSLatitude", ["N", "S"], found);
@@ -132,6 +145,7 @@ fn gps(exif: &Exif, tags: &mut ExifTags) {
         let below = matches!(reference, 1 | 3);
         GpsHeight { metres: if below { -metres } else { metres }, reference }
     });
+    tags.position_problem = found.get(before).map(|f| f.text.clone());
     tags.horizontal_error_m =
         real(exif, Tag::GPSHPositioningError, "GPSHPositioningError", found).filter(|v| *v > 0.0 && *v < 1e4);
     tags.track_deg = real(exif, Tag::GPSTrack, "GPSTrack", found)

@@ -7,6 +7,15 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Sentences about single photos' findings; more are counted only.
 const MOST_NOTES: usize = 40;
 
+/// Quantities of the origins that name an attitude, the camera's own first.
+const ATTITUDES: [&str; 5] = [
+    "gimbal yaw, elevation, roll",
+    "camera yaw, pitch, roll",
+    "UAV yaw, pitch, roll",
+    "UAV yaw",
+    "UAV pitch, roll",
+];
+
 /// The log of a flight out of its photos: one exposure for each that has a position, the others in `bad` with the
 /// reason. The names become the exposures' frames.
 ///
@@ -48,6 +57,7 @@ fn exposure(name: String, photo: PhotoMetadata, utc: bool) -> Exposure {
 
 fn notes(photos: &[(String, PhotoMetadata)], all_utc: bool) -> Vec<String> {
     let mut notes = sources(photos);
+    notes.extend(meanings(photos));
     notes.extend(serials(photos));
     let untimed =
         photos.iter().filter(|(_, p)| p.exposure.position.is_some() && p.times.utc(None).is_none()).count();
@@ -62,6 +72,10 @@ fn notes(photos: &[(String, PhotoMetadata)], all_utc: bool) -> Vec<String> {
     notes
 }
 
+const fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
 const fn states(count: usize) -> &'static str {
     if count == 1 { " states" } else { "s state" }
 }
@@ -70,16 +84,12 @@ const fn states(count: usize) -> &'static str {
 fn sources(photos: &[(String, PhotoMetadata)]) -> Vec<String> {
     let mut groups: BTreeMap<String, usize> = BTreeMap::new();
     for (_, photo) in photos {
-        let camera = [&photo.make, &photo.model].into_iter().flatten().cloned().collect::<Vec<_>>();
-        let camera = if camera.is_empty() { "an unnamed camera".to_owned() } else { camera.join(" ") };
+        let camera = camera(photo);
         let tag = |quantity: &str| {
             let origin = photo.exposure.origins.iter().find(|o| o.quantity == quantity);
             origin.map(|o| o.from.clone())
         };
-        let attitude =
-            ["gimbal yaw, elevation, roll", "camera yaw, pitch, roll", "UAV yaw", "UAV yaw, pitch, roll"]
-                .into_iter()
-                .find_map(tag);
+        let attitude = ATTITUDES.into_iter().find_map(tag);
         let time = photo.times.utc(None).map(|t| t.from);
         let time = time.or(photo.times.civil.map(|_| "EXIF DateTimeOriginal, zone not stated"));
         let or_none = |text: Option<String>| text.unwrap_or_else(|| "nowhere".to_owned());
@@ -92,8 +102,27 @@ fn sources(photos: &[(String, PhotoMetadata)]) -> Vec<String> {
         );
         *groups.entry(text).or_default() += 1;
     }
-    let plural = |count: usize| if count == 1 { "" } else { "s" };
     groups.into_iter().map(|(text, count)| format!("{count} photo{} {text}", plural(count))).collect()
+}
+
+/// Maker and model; many models name their maker themselves.
+fn camera(photo: &PhotoMetadata) -> String {
+    match (&photo.make, &photo.model) {
+        (Some(make), Some(model)) if !model.starts_with(make.as_str()) => format!("{make} {model}"),
+        (_, Some(name)) | (Some(name), None) => name.clone(),
+        (None, None) => "an unnamed camera".to_owned(),
+    }
+}
+
+/// What heights and attitudes were taken for.
+fn meanings(photos: &[(String, PhotoMetadata)]) -> Vec<String> {
+    let mut groups: BTreeMap<String, usize> = BTreeMap::new();
+    for origin in photos.iter().flat_map(|(_, photo)| photo.exposure.origins.iter()) {
+        if origin.quantity == "height" || ATTITUDES.contains(&origin.quantity) {
+            *groups.entry(format!("{}: {}", origin.quantity, origin.meaning)).or_default() += 1;
+        }
+    }
+    groups.into_iter().map(|(text, count)| format!("{count} photo{}, {text}", plural(count))).collect()
 }
 
 /// Two aircraft in one folder.

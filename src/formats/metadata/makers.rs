@@ -9,6 +9,7 @@ use crate::formats::flight::{LoggedAttitude, North, plausible_angles};
 use crate::geodesy::HeightKind;
 use crate::geometry::attitude::YawPitchRoll;
 use crate::navigation::GimbalAngles;
+use crate::units::Seconds;
 
 /// Skydio: camera orientation in north-east-down, pitch -90° at nadir.
 pub(super) fn skydio(draft: &mut Draft) {
@@ -122,8 +123,13 @@ pub(super) fn parrot(draft: &mut Draft) {
     }
 }
 
-/// MicaSense: the irradiance sensor's attitude is not the camera's.
+/// MicaSense: the irradiance sensor's attitude is not the camera's; its clock keeps UTC.
 pub(super) fn micasense(draft: &mut Draft) {
+    if draft.is_made_by("micasense")
+        && let Some(civil) = &mut draft.out.times.civil
+    {
+        civil.utc_offset.get_or_insert(Seconds::new(0.0));
+    }
     let exposure = &draft.out.exposure;
     if draft.xmp.text(Dls, "Yaw").is_some() && exposure.attitude.is_none() && exposure.gimbal.is_none() {
         draft.note(

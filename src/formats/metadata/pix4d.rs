@@ -25,6 +25,13 @@ fn attitude(draft: &mut Draft, namespace: Namespace) {
     }
     let Some(angles) = draft.angles(namespace, ["Yaw", "Pitch", "Roll"]) else { return };
     draft.out.exposure.attitude = Some(LoggedAttitude::Camera { angles, north: North::True });
+    if angles.pitch.degrees() < -60.0 {
+        draft.warn(format!(
+            "Camera:Pitch is {:.1}°: by Pix4D's definition, with 0° at nadir, the camera looked backwards; if it \
+             looked down, the writer counts from the horizon and the angles must be declared as a gimbal's",
+            angles.pitch.degrees()
+        ));
+    }
     draft.origin(
         "camera yaw, pitch, roll",
         "Camera:Yaw, Pitch, Roll, degrees",
@@ -34,6 +41,11 @@ fn attitude(draft: &mut Draft, namespace: Namespace) {
         draft.warn(
             "the sign of Camera:Roll is disputed for senseFly cameras: here right wing down is positive, as Pix4D \
              defines it, OpenDroneMap takes the opposite; compare two strips before relying on it",
+        );
+    }
+    if draft.is_made_by("sensefly") && draft.height.is_none() {
+        draft.note(
+            "on senseFly's Swinglet the EXIF height was the receiver's, above the ellipsoid: compare with the ground",
         );
     }
     if draft.is_made_by("autel") {
@@ -66,9 +78,8 @@ fn accuracy(draft: &mut Draft, namespace: Namespace) {
 
 /// Lens and band, as far as the tags go.
 fn camera(draft: &mut Draft, namespace: Namespace) -> Option<Pix4dCamera> {
-    let in_pixels = draft
-        .text(namespace, "PerspectiveFocalLengthUnits")
-        .is_some_and(|u| u.to_ascii_lowercase().starts_with("pix"));
+    let in_pixels =
+        draft.text(namespace, "PerspectiveFocalLengthUnits").is_some_and(|u| !u.eq_ignore_ascii_case("mm"));
     let focal = draft.number(namespace, "PerspectiveFocalLength").filter(|f| *f > 0.0);
     let bands = draft.xmp.items(namespace, "BandName").iter().take(64).cloned().collect();
     let wavelengths = list(draft, namespace, "CentralWavelength");

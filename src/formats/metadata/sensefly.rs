@@ -28,14 +28,16 @@ fn height(draft: &mut Draft) {
     if draft.height.is_none()
         && let Some(metres) = filtered
     {
-        let other =
-            by_gps.map_or_else(String::new, |h| format!("; AltitudeWGS84, the receiver's own, is {h:.3} m"));
         draft.height = Some(Height {
             metres,
             kind: SEA_LEVEL,
             from: "sensefly:AltitudeAMSL, metres".to_owned(),
-            meaning: format!("above sea level (EGM96), filtered by the autopilot{other}"),
+            meaning: "above sea level (EGM96), filtered by the autopilot".to_owned(),
         });
+        if let Some(h) = by_gps {
+            let said = format!("{h:.3} m above the ellipsoid by the receiver alone; not used");
+            draft.origin("height by GPS", "sensefly:AltitudeWGS84, metres", said);
+        }
     }
     if let Some(metres) = draft.number(SenseflyFlight, "Height") {
         draft.out.exposure.height_above_takeoff_m = Some(metres);

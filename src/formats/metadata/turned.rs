@@ -76,5 +76,7 @@ pub(super) fn apply(draft: &mut Draft) {
 
 fn is_viewer(program: &str) -> bool {
     let program = program.to_ascii_lowercase();
-    program.starts_with("photos ") || VIEWERS.iter().any(|v| program.contains(v))
+    // Lightroom develops raw photos, which is no sign of a turn.
+    let names_one = VIEWERS.iter().any(|v| program.contains(v)) && !program.contains("lightroom");
+    names_one || program.starts_with("photos ")
 }
