@@ -113,8 +113,8 @@ impl ClockOffset {
 pub(super) fn angles_of_quaternion(q: [f64; 4]) -> Result<YawPitchRoll, String> {
     let quaternion = Quaternion::new(q[0], q[1], q[2], q[3]);
     let norm = quaternion.norm();
-    // Single precision leaves 1e-7; not finite values fail the comparison.
-    if !((norm - 1.0).abs() <= 0.01) {
+    // Single precision leaves 1e-7.
+    if !norm.is_finite() || (norm - 1.0).abs() > 0.01 {
         return Err(format!("quaternion {q:?} has length {norm}, not 1"));
     }
     let rotation = UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix();
