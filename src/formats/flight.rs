@@ -7,6 +7,7 @@
 mod autopilot;
 pub mod dataflash;
 pub mod sbet;
+pub mod tlog;
 pub mod ulog;
 
 use crate::camera::PixelRotation;

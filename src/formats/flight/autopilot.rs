@@ -143,6 +143,12 @@ pub(super) fn attitude_at(attitudes: &[Sample<LoggedAttitude>], time: Seconds) -
     Some(YawPitchRoll::new(between(a.yaw, b.yaw), between(a.pitch, b.pitch), between(a.roll, b.roll)))
 }
 
+/// What a gimbal's quaternion counts its yaw from, by `GIMBAL_DEVICE_FLAGS`: earth frame (64), vehicle frame (32), or,
+/// where neither is set, by the yaw lock (16).
+pub(super) const fn yaw_is_from_north(flags: u32) -> bool {
+    flags & 64 != 0 || flags & 32 == 0 && flags & 16 != 0
+}
+
 /// How often the times of a series run backwards, as when a log holds several flights.
 pub(super) fn backward_steps<T>(series: &[Sample<T>]) -> usize {
     series.windows(2).filter(|w| w[1].time < w[0].time).count()

@@ -1,6 +1,6 @@
 //! Which fields of which topics are read, and what becomes of one message.
 
-use super::super::autopilot::angles_of_quaternion;
+use super::super::autopilot::{angles_of_quaternion, yaw_is_from_north};
 use super::super::{
     Exposure, LoggedAttitude, North, Origin, Sample, geodetic, plausible_angles, plausible_speed,
 };
@@ -348,12 +348,6 @@ impl Plan {
         to.rows[self.slot].2.shots.push(Shot { exposure, time, angles, feedback: true });
         Some(())
     }
-}
-
-/// What a gimbal's quaternion counts its yaw from, by `GIMBAL_DEVICE_FLAGS`: earth frame (64), vehicle frame (32), or,
-/// where neither is set, by the yaw lock (16).
-pub(in super::super) const fn yaw_is_from_north(flags: u32) -> bool {
-    flags & 64 != 0 || flags & 32 == 0 && flags & 16 != 0
 }
 
 fn numbers<const N: usize>(fields: [Field; N], body: &[u8]) -> Option<[f64; N]> {

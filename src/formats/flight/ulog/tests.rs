@@ -1,8 +1,8 @@
 //! Logs encoded by hand, and a real one.
 
+use super::super::autopilot::yaw_is_from_north;
 use super::super::{Clock, FlightLog, LoggedAttitude, LoggedPosition};
 use super::container::{Event, MAGIC, walk};
-use super::messages::yaw_is_from_north;
 use super::{Quarantine, read};
 use crate::geodesy::{GeoidModel, HeightKind};
 use crate::navigation::GimbalReference;
