@@ -7,6 +7,8 @@
 mod autopilot;
 pub mod dataflash;
 pub mod sbet;
+pub mod tlog;
+pub mod ulog;
 
 use crate::camera::PixelRotation;
 use crate::geodesy::{HeightKind, MapPoint};

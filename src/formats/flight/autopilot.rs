@@ -113,8 +113,8 @@ impl ClockOffset {
 pub(super) fn angles_of_quaternion(q: [f64; 4]) -> Result<YawPitchRoll, String> {
     let quaternion = Quaternion::new(q[0], q[1], q[2], q[3]);
     let norm = quaternion.norm();
-    // Single precision leaves 1e-7; not finite values fail the comparison.
-    if !((norm - 1.0).abs() <= 0.01) {
+    // Single precision leaves 1e-7.
+    if !norm.is_finite() || (norm - 1.0).abs() > 0.01 {
         return Err(format!("quaternion {q:?} has length {norm}, not 1"));
     }
     let rotation = UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix();
@@ -141,6 +141,12 @@ pub(super) fn attitude_at(attitudes: &[Sample<LoggedAttitude>], time: Seconds) -
     let (a, b) = (angles(last)?, angles(next)?);
     let between = |a: Radians, b: Radians| Radians::new(a.get() + part * (b - a).wrapped().get()).wrapped();
     Some(YawPitchRoll::new(between(a.yaw, b.yaw), between(a.pitch, b.pitch), between(a.roll, b.roll)))
+}
+
+/// What a gimbal's quaternion counts its yaw from, by `GIMBAL_DEVICE_FLAGS`: earth frame (64), vehicle frame (32), or,
+/// where neither is set, by the yaw lock (16).
+pub(super) const fn yaw_is_from_north(flags: u32) -> bool {
+    flags & 64 != 0 || flags & 32 == 0 && flags & 16 != 0
 }
 
 /// How often the times of a series run backwards, as when a log holds several flights.

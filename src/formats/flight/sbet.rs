@@ -156,7 +156,7 @@ fn confirmed_axes(kept: &[(u64, Seconds, Record)]) -> Option<(Axes, String)> {
     let mut next = 0;
     for first in (0..kept.len()).step_by(step) {
         next = next.max(first);
-        while next < kept.len() && !((kept[next].1 - kept[first].1).get() >= 0.2) {
+        while next < kept.len() && (kept[next].1 - kept[first].1).get() < 0.2 {
             next += 1;
         }
         let Some(last) = kept.get(next) else { break };

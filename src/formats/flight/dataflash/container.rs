@@ -265,12 +265,12 @@ pub(super) fn walk(bytes: &[u8], quarantine: &mut Quarantine, mut visit: impl Fn
         place += 1;
         let end = at + length;
         // A record that nothing follows may have lost bytes: then the next one starts inside it.
-        if end < bytes.len() && formats.record_at(bytes, end).is_none() {
-            if let Some(inner) = (at + HEADER..end).find(|i| formats.chain_at(bytes, *i)) {
-                quarantine.add(place, format!("record at byte {at} lost {} bytes", end - inner));
-                at = inner;
-                continue;
-            }
+        let alone = end < bytes.len() && formats.record_at(bytes, end).is_none();
+        if let Some(inner) = alone.then(|| (at + HEADER..end).find(|i| formats.chain_at(bytes, *i))).flatten()
+        {
+            quarantine.add(place, format!("record at byte {at} lost {} bytes", end - inner));
+            at = inner;
+            continue;
         }
         let (kind, body) = (bytes[at + 2], &bytes[at + HEADER..end]);
         if kind == FMT_TYPE {
@@ -284,10 +284,10 @@ pub(super) fn walk(bytes: &[u8], quarantine: &mut Quarantine, mut visit: impl Fn
                 }
             }
         } else {
-            if let Some(of) = formats.describe(kind, body) {
-                if let Some(format) = &formats.by_type[usize::from(of)] {
-                    visit(Event::Format(of, format));
-                }
+            if let Some(of) = formats.describe(kind, body)
+                && let Some(format) = &formats.by_type[usize::from(of)]
+            {
+                visit(Event::Format(of, format));
             }
             visit(Event::Message(place, kind, body));
         }
