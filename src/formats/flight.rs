@@ -4,6 +4,26 @@
 //! Every reader below takes bytes and gives a [`FlightLog`]; none touches a file. A record that cannot be used takes
 //! only itself along: it is listed in [`FlightLog::bad`] with its place and the reason.
 
+mod angles;
+mod columns;
+mod declared;
+pub mod geo_txt;
+pub mod geoinfo;
+mod json;
+pub mod mrk;
+pub mod opensfm;
+pub mod orientation;
+mod poses;
+pub mod rtklib;
+mod text;
+
+#[cfg(test)]
+mod golden;
+
+pub use angles::{AngleSystem, AngleUnit};
+pub use columns::Column;
+pub use declared::Declared;
+
 use crate::camera::PixelRotation;
 use crate::geodesy::{HeightKind, MapPoint};
 use crate::geometry::attitude::{OmegaPhiKappa, YawPitchRoll};

@@ -85,17 +85,53 @@ impl OmegaPhiKappa {
         ned_from_camera: &Rotation<To, From>,
         convergence: Radians,
     ) -> Self {
-        let enu_from_ned = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
-        let camera_from_photo = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
-        let grid_from_enu = rz(convergence.get());
-        let m = grid_from_enu * enu_from_ned * ned_from_camera.matrix() * camera_from_photo;
+        Self::of_grid_from_photo(
+            &(rz(convergence.get()) * ENU_FROM_NED * ned_from_camera.matrix() * CAMERA_FROM_PHOTO),
+        )
+    }
+
+    /// Camera (x right, y down, z forward) in north-east-down from these angles against a grid whose north is turned by
+    /// `convergence` from true north (positive: grid north lies east of true north): undoes
+    /// [`OmegaPhiKappa::of_ned_from_camera`].
+    #[must_use]
+    pub fn ned_from_camera<To: Frame, From: Frame>(&self, convergence: Radians) -> Rotation<To, From> {
+        // Both changes of axes are their own inverses.
+        Rotation::from_matrix_unchecked(
+            ENU_FROM_NED * rz(-convergence.get()) * self.grid_from_photo() * CAMERA_FROM_PHOTO,
+        )
+    }
+
+    /// `Rx(ω)·Ry(φ)·Rz(κ)`: from the photo (x right, y up, z back) to the grid (east, north, up).
+    #[must_use]
+    pub fn grid_from_photo(&self) -> Matrix3<f64> {
+        (rx(self.omega.get()) * ry(self.phi.get()) * rz(self.kappa.get())).into_inner()
+    }
+
+    /// The angles of a rotation from the photo (x right, y up, z back) to the grid (east, north, up); φ in [-90°, 90°].
+    #[must_use]
+    pub fn of_grid_from_photo(m: &Matrix3<f64>) -> Self {
+        let omega = (-m[(1, 2)]).atan2(m[(2, 2)]);
+        // κ from what is left once ω is undone: the two stay consistent where φ comes near ±90° and ω means little.
+        let (sin, cos) = omega.sin_cos();
+        let kappa = (cos * m[(1, 0)] + sin * m[(2, 0)]).atan2(cos * m[(1, 1)] + sin * m[(2, 1)]);
         Self {
-            omega: Radians::new((-m[(1, 2)]).atan2(m[(2, 2)])),
-            phi: Radians::new(m[(0, 2)].clamp(-1.0, 1.0).asin()),
-            kappa: Radians::new((-m[(0, 1)]).atan2(m[(0, 0)])),
+            omega: Radians::new(omega),
+            phi: Radians::new(m[(0, 2)].atan2(m[(0, 0)].hypot(m[(0, 1)]))),
+            kappa: Radians::new(kappa),
         }
     }
+
+    /// From angles of the order φ, ω, κ (Inpho, UltraMap): `R = Ry(φ)·Rx(ω)·Rz(κ)`, the same axes.
+    #[must_use]
+    pub fn of_phi_omega_kappa(phi: Radians, omega: Radians, kappa: Radians) -> Self {
+        Self::of_grid_from_photo((ry(phi.get()) * rx(omega.get()) * rz(kappa.get())).matrix())
+    }
 }
+
+/// East-north-up and north-east-down: each is the other's inverse.
+const ENU_FROM_NED: Matrix3<f64> = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
+/// The photo's axes of photogrammetry (x right, y up, z back) in the camera (x right, y down, z forward); its own inverse.
+const CAMERA_FROM_PHOTO: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
 
 /// Rotation about x by `angle` radians.
 pub(crate) fn rx(angle: f64) -> Rotation3<f64> {
@@ -112,7 +148,7 @@ pub(crate) fn rz(angle: f64) -> Rotation3<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Body, Ned};
+    use super::super::{Body, Camera, Ned};
     use super::*;
     use proptest::prelude::*;
 
@@ -124,6 +160,49 @@ mod tests {
         assert!((turn(0.0, 0.0, 90.0) * Vector3::y() - Vector3::z()).norm() < 1e-12, "right wing down");
     }
 
+    #[test]
+    fn omega_phi_kappa_turn_the_photo_as_their_signs_say() {
+        let turn = |o, p, k, gamma| {
+            let [omega, phi, kappa, gamma] = [o, p, k, gamma].map(Radians::from_degrees);
+            OmegaPhiKappa { omega, phi, kappa }.ned_from_camera::<Ned, Camera>(gamma).matrix()
+        };
+        // All zero: image right is east, image bottom south, the view down.
+        let level = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+        assert!((turn(0.0, 0.0, 0.0, 0.0) - level).abs().max() < 1e-15);
+        // κ counts anticlockwise seen from above: +90° puts image right to the north.
+        assert!((turn(0.0, 0.0, 90.0, 0.0) * Vector3::x() - Vector3::x()).norm() < 1e-12);
+        // ω = +90° looks at the northern horizon, φ = +90° at the western one.
+        assert!((turn(90.0, 0.0, 0.0, 0.0) * Vector3::z() - Vector3::x()).norm() < 1e-12);
+        assert!((turn(0.0, 90.0, 0.0, 0.0) * Vector3::z() + Vector3::y()).norm() < 1e-12);
+        // Grid north 10° east of true north: a photo that looks at grid north looks 10° east of north.
+        let north_10_east = Vector3::new(0.984_807_753_012_208, 0.173_648_177_666_930_35, 0.0);
+        assert!((turn(90.0, 0.0, 0.0, 10.0) * Vector3::z() - north_10_east).norm() < 1e-12);
+    }
+
+    #[test]
+    fn golden_omega_phi_kappa_back_to_yaw_pitch_roll() {
+        // Yaw, pitch counted from nadir, roll; ω, φ, κ to 0.001° at 36°N 15°E and 60°N 17.9°E of UTM 33N, from two
+        // independent derivations.
+        let cases = [
+            ((0.0, 0.0, 0.0), [[0.0, 0.0, 0.0], [0.0, 0.0, 2.512]]),
+            ((90.0, 0.0, 0.0), [[0.0, 0.0, -90.0], [0.0, 0.0, -87.488]]),
+            ((30.0, 5.0, -3.0), [[2.832, -5.097, -30.005], [3.053, -4.968, -27.487]]),
+            ((-120.0, 10.0, 0.0), [[-5.038, 8.649, 120.381], [-5.414, 8.420, 122.911]]),
+            ((30.0, 40.0, 0.0), [[36.005, -18.747, -23.859], [36.663, -17.259, -21.731]]),
+        ];
+        for (place, gamma) in [0.0, 2.512].into_iter().enumerate() {
+            for ((yaw, pitch, roll), expected) in cases {
+                let [omega, phi, kappa] = expected[place].map(Radians::from_degrees);
+                let turn = OmegaPhiKappa { omega, phi, kappa }
+                    .ned_from_camera::<Ned, Camera>(Radians::from_degrees(gamma));
+                let level = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+                let body = YawPitchRoll::from_degrees(yaw, pitch, roll).rotation::<Ned, Body>().matrix();
+                let off = (turn.matrix() - body * level).abs().max();
+                assert!(off < 3e-5, "γ {gamma} yaw {yaw} pitch {pitch} roll {roll}: off by {off}");
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn angles_survive_the_round_trip(y in -179.0..179.0f64, p in -89.0..89.0f64, r in -179.0..179.0f64) {
@@ -131,6 +210,23 @@ mod tests {
             prop_assert!((back.yaw.degrees() - y).abs() < 1e-9);
             prop_assert!((back.pitch.degrees() - p).abs() < 1e-9);
             prop_assert!((back.roll.degrees() - r).abs() < 1e-9);
+        }
+
+        #[test]
+        fn omega_phi_kappa_survive_the_round_trip(
+            o in -180.0..180.0f64, p in -90.0..90.0f64, k in -180.0..180.0f64, gamma in -10.0..10.0f64,
+        ) {
+            let [omega, phi, kappa, gamma] = [o, p, k, gamma].map(Radians::from_degrees);
+            let turn = OmegaPhiKappa { omega, phi, kappa }.ned_from_camera::<Ned, Camera>(gamma);
+            let again = OmegaPhiKappa::of_ned_from_camera(&turn, gamma).ned_from_camera::<Ned, Camera>(gamma);
+            prop_assert!((turn.matrix() - again.matrix()).abs().max() < 1e-12);
+            let other_order = OmegaPhiKappa::of_phi_omega_kappa(phi, omega, kappa).grid_from_photo();
+            let direct = (ry(phi.get()) * rx(omega.get()) * rz(kappa.get())).into_inner();
+            prop_assert!((other_order - direct).abs().max() < 1e-12);
+            // As near to φ = 90° as the draw of γ makes it.
+            let phi = Radians::new(std::f64::consts::FRAC_PI_2 - 10f64.powf(gamma.degrees() - 6.0));
+            let steep = OmegaPhiKappa { omega, phi, kappa }.grid_from_photo();
+            prop_assert!((OmegaPhiKappa::of_grid_from_photo(&steep).grid_from_photo() - steep).abs().max() < 1e-12);
         }
 
         #[test]
