@@ -17,9 +17,6 @@ mod poses;
 pub mod rtklib;
 mod text;
 
-#[cfg(test)]
-mod golden;
-
 pub use angles::{AngleSystem, AngleUnit};
 pub use columns::Column;
 pub use declared::Declared;
@@ -394,6 +391,9 @@ pub fn utc_from_gps(week: u32, second_of_week: f64) -> Result<Seconds, String> {
     let lag = LEAPS.iter().rev().find(|(from, _)| gps >= *from).map_or(13.0, |(_, lag)| *lag);
     Ok(Seconds::new(GPS_EPOCH_UNIX + gps - lag))
 }
+
+#[cfg(test)]
+mod golden;
 
 #[cfg(test)]
 mod tests {

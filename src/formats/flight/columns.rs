@@ -142,3 +142,44 @@ pub(super) fn head(bytes: &[u8]) -> Result<Head, ReadError> {
     }
     Ok(head)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_as_programs_write_them() {
+        let cases = [
+            ("imagename", Column::Frame),
+            ("# PhotoID", Column::Frame),
+            ("Image File Name", Column::Frame),
+            ("Latitude [decimal degrees]", Column::Latitude),
+            ("X/Longitude", Column::X),
+            ("Y/North", Column::Y),
+            ("Z/Altitude", Column::Height),
+            ("altitude (m)", Column::Height),
+            ("Accuracy_X/Y/Z_(m)", Column::PositionStd),
+            ("Accuracy_Yaw/Pitch/Roll_(deg)", Column::AngleStd),
+            ("Accuracy_X/Y_(m)", Column::HorizontalStd),
+            ("Accuracy Vert [meter]", Column::VerticalStd),
+            ("Heading", Column::Yaw),
+            ("r11", Column::Matrix(0)),
+            ("r33", Column::Matrix(8)),
+            ("r44", Column::Unused),
+            ("Yaw_est", Column::Unused),
+            ("X_var", Column::Unused),
+            ("", Column::Unused),
+        ];
+        for (name, column) in cases {
+            assert_eq!(Column::named(name), column, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_header_is_the_last_line_above_the_rows_that_names_columns() {
+        let found = head(b"# made by x\n# label, lat\n\n#Label,X,Y,Z\na\t1\t2\t3\n#Label,Y,X,Z\n").unwrap();
+        assert_eq!((found.place, found.names.len(), found.delimiter), (4, 4, Delimiter::Character('\t')));
+        let none = head(b"a.jpg,1,2,3\n").unwrap();
+        assert_eq!((none.place, none.names.len(), none.delimiter), (0, 0, Delimiter::Character(',')));
+    }
+}

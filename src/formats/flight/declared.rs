@@ -221,3 +221,56 @@ fn wkt(upper: &str) -> Option<Coordinates> {
         _ => return None,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_crs_by_its_text() {
+        let sea = |model| Some(HeightKind::SeaLevel(model));
+        let cases = [
+            ("EPSG:4326", Coordinates::Wgs84, None),
+            ("epsg:4979", Coordinates::Wgs84, Some(HeightKind::Ellipsoid)),
+            ("EPSG:9707", Coordinates::Wgs84, sea(GeoidModel::Egm96)),
+            ("EPSG:4326+3855", Coordinates::Wgs84, sea(GeoidModel::Egm2008)),
+            ("EPSG:4978", Coordinates::Ecef, Some(HeightKind::Ellipsoid)),
+            ("EPSG:4269", Coordinates::Degrees, None),
+            ("EPSG:32617", Coordinates::Grid, None),
+            ("WGS84 UTM 17N", Coordinates::Grid, None),
+            ("+proj=longlat +datum=WGS84 +no_defs", Coordinates::Wgs84, None),
+            ("+proj=longlat +ellps=GRS80", Coordinates::Degrees, None),
+            ("+proj=utm +zone=17 +geoidgrids=egm96_15.gtx", Coordinates::Grid, sea(GeoidModel::Egm96)),
+            ("GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\"]]", Coordinates::Wgs84, None),
+            ("GEOGCRS[\"WGS 84 (G1762)\"]", Coordinates::Degrees, None),
+            ("GEOGCS[\"GCS_WGS_1984\",DATUM[\"D_WGS_1984\"]]", Coordinates::Wgs84, None),
+            ("PROJCS[\"WGS 84 / UTM zone 33N\",GEOGCS[\"WGS 84\"]]", Coordinates::Grid, None),
+            (
+                "COMPD_CS[\"a, b\",GEOGCS[\"WGS 84\"],VERT_CS[\"EGM2008 height\"]]",
+                Coordinates::Wgs84,
+                sea(GeoidModel::Egm2008),
+            ),
+            ("COMPOUNDCRS[\"a\",PROJCRS[\"b\"]]", Coordinates::Grid, None),
+        ];
+        for (text, coordinates, heights) in cases {
+            let crs = Crs::of(text).unwrap();
+            assert_eq!((crs.coordinates, crs.heights), (coordinates, heights), "{text}");
+        }
+        for bad in ["", "hello", "EPSG:", "EPSG:-1", "VERT_CS[\"x\"]", "LOCAL_CS[\"x\"]", "WGS84 UTM 0N"] {
+            assert!(Crs::of(bad).is_err(), "{bad}");
+        }
+        assert!(Crs::of(&"COMPD_CS[\"a\",".repeat(100_000)).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_a_crs_or_not(text in ".{0,100}", x in any::<f64>(), y in any::<f64>(), z in any::<f64>()) {
+            for text in [text.clone(), format!("EPSG:{text}"), format!("WGS84 UTM {text}"), format!("GEOGCS[\"{text}")] {
+                if let Ok(crs) = Crs::of(&text) {
+                    let _ = crs.position([x, y, z], HeightKind::Ellipsoid);
+                }
+            }
+        }
+    }
+}

@@ -320,3 +320,37 @@ fn metashapes_own_matrices_of_yaw_pitch_roll() {
         assert!((enu_from_photo - published).abs().max() < 1e-12, "{angles}: {enu_from_photo}");
     }
 }
+
+#[test]
+fn a_real_tables_angles_and_matrices_agree() {
+    // The reference orientation of the Seneca survey states each attitude twice: as yaw, pitch, roll of a body whose nose is
+    // the top of the image, and as the matrix from the camera to north-east-down.
+    let file =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/seneca/reference_eo.csv");
+    let Ok(bytes) = std::fs::read(&file) else {
+        eprintln!("skipped: the data set seneca is not on this machine");
+        return;
+    };
+    use super::Column::{Frame, Height, Latitude, Longitude, Pitch, Roll, Unused, Yaw};
+    let mut columns = vec![Frame, Latitude, Longitude, Height, Unused, Unused, Yaw, Pitch, Roll];
+    columns.extend([Unused; 9]);
+    let declared = Declared {
+        columns: Some(&columns),
+        heights: Some(HeightKind::SeaLevel(crate::geodesy::GeoidModel::Egm96)),
+        angles: Some(AngleSystem::CameraYawPitchRoll(North::True)),
+        ..Declared::default()
+    };
+    let log = geoinfo::read(&bytes, &declared).unwrap();
+    assert_eq!((log.exposures.len(), log.bad.len()), (68, 0));
+    let text = String::from_utf8(bytes).unwrap();
+    let mut worst = 0.0_f64;
+    for (exposure, line) in log.exposures.iter().zip(text.lines().skip(1)) {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!(exposure.frame.as_deref(), Some(cells[0]));
+        let matrix = Matrix3::from_row_iterator(cells[9..18].iter().map(|c| c.parse::<f64>().unwrap()));
+        let one = FlightLog { exposures: vec![exposure.clone()], bad: Vec::new(), ..log.clone() };
+        worst = worst.max((understood(&one, 0.0) - matrix).abs().max());
+    }
+    // Angles are printed to 0.0001°: 1.7e-6 rad.
+    assert!(worst < 3e-6, "{worst:e}");
+}

@@ -10,6 +10,9 @@ use crate::units::Radians;
 use nalgebra::Matrix3;
 use std::sync::Arc;
 
+/// Beyond, it is no table of poses; rows are looked up by column, so their time counts by this.
+const MOST_COLUMNS: usize = 1_000;
+
 /// What one table's columns are.
 #[derive(Debug)]
 pub(super) struct Table {
@@ -56,6 +59,12 @@ impl Table {
     /// # Errors
     /// [`ReadError`] for missing or repeated columns, and for whatever is neither stated nor declared.
     pub(super) fn new(plan: Plan<'_>, log: &mut FlightLog) -> Result<Self, ReadError> {
+        if plan.columns.len() > MOST_COLUMNS {
+            return Err(ReadError::new(format!(
+                "has {} columns; a table of poses has at most {MOST_COLUMNS}",
+                plan.columns.len()
+            )));
+        }
         no_repeats(&plan)?;
         let has = |c| plan.columns.contains(&c);
         let geographic = has(Column::Latitude) && has(Column::Longitude);
@@ -156,7 +165,9 @@ impl Table {
     /// A name with blanks leads a row whose cells are parted by blanks: what the numbers leave over is the name.
     fn mend(&self, line: &str, cells: &mut Vec<(usize, String)>) {
         let extra = cells.len().saturating_sub(self.columns.len());
-        if self.delimiter == Delimiter::Blanks && self.columns.first() == Some(&Column::Frame) && extra > 0 {
+        // A number there is a cell too many rather than a part of the name.
+        let named = self.delimiter == Delimiter::Blanks && self.columns.first() == Some(&Column::Frame);
+        if named && extra > 0 && self.columns.len() > 1 && cells[extra].1.parse::<f64>().is_err() {
             let end = cells[extra + 1].0;
             let name = line.get(..end).unwrap_or("").trim().trim_matches('"').to_owned();
             cells.splice(..=extra, [(0, name)]);
