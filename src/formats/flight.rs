@@ -4,11 +4,27 @@
 //! Every reader below takes bytes and gives a [`FlightLog`]; none touches a file. A record that cannot be used takes
 //! only itself along: it is listed in [`FlightLog::bad`] with its place and the reason.
 
+mod angles;
 mod autopilot;
+mod columns;
 pub mod dataflash;
+mod declared;
+pub mod geo_txt;
+pub mod geoinfo;
+mod json;
+pub mod mrk;
+pub mod opensfm;
+pub mod orientation;
+mod poses;
+pub mod rtklib;
 pub mod sbet;
+mod text;
 pub mod tlog;
 pub mod ulog;
+
+pub use angles::{AngleSystem, AngleUnit};
+pub use columns::Column;
+pub use declared::Declared;
 
 use crate::camera::PixelRotation;
 use crate::geodesy::{HeightKind, MapPoint};
@@ -382,6 +398,9 @@ pub fn gps_week_second(utc: Seconds) -> Seconds {
     let gps = utc.get() - GPS_EPOCH_UNIX + lag.map_or(13.0, |(_, lag)| *lag);
     Seconds::new(gps.rem_euclid(WEEK_S))
 }
+
+#[cfg(test)]
+mod golden;
 
 #[cfg(test)]
 mod tests {
