@@ -153,4 +153,8 @@ fn camera(
 }
 
 #[cfg(test)]
+mod golden;
+#[cfg(test)]
+mod round_trips;
+#[cfg(test)]
 mod tests;
