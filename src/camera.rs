@@ -1,20 +1,24 @@
 //! The camera: interior orientation and lens, both ways, with Jacobians.
 //!
-//! A [`Lens`] is Brown's (the paper's), OpenCV's rational one or a Kannala–Brandt fisheye.
+//! A [`Lens`] is Brown's (the paper's), OpenCV's rational one without or with a thin prism, a Kannala–Brandt
+//! fisheye or Pix4D's. Affinity and skew of other programs (B1, B2) are fx, fy and skew of every lens.
 //! `pixel_from_ray` projects, `ray_from_pixel` inverts, and a pixel whose lens has no inverse is an
 //! `Option::None`, never an extrapolation. Pixel (0, 0) is the centre of the top-left pixel; column runs
 //! right, row runs down.
 
+mod angular;
 mod brown;
 mod fisheye;
 mod interval;
 mod inverse;
 mod invertibility;
 mod lens;
+mod pix4d_fisheye;
 mod plane;
 mod rational;
 mod roots;
 mod sensor;
+mod thin_prism;
 
 #[cfg(test)]
 mod check;
@@ -25,8 +29,10 @@ pub use invertibility::{FoldMask, Invertibility};
 pub use lens::{
     CameraError, Interior, InteriorCovariance, Lens, LensFunction, LensKind, MAX_INTERIOR, Projected,
 };
+pub use pix4d_fisheye::Pix4dFisheye;
 pub use rational::Rational;
 pub use sensor::{Camera, PixelRotation};
+pub use thin_prism::ThinPrism;
 
 /// A position in an image: (0, 0) is the centre of the top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -17,7 +17,7 @@ use super::support::support;
 use super::zhang::{BoardPose, ClosedForm};
 use crate::camera::{
     Brown, Camera, Fisheye, Interior, InteriorCovariance, Lens, LensFunction, LensKind, MAX_INTERIOR,
-    Rational,
+    Pix4dFisheye, Rational, ThinPrism,
 };
 use crate::geometry::{Point, Pose, Rotation};
 use nalgebra::{Matrix6, SMatrix, SVector, Vector2};
@@ -107,7 +107,9 @@ pub(super) fn placed_distances(
     match model.kind {
         LensKind::Brown => placed::<Brown, 10>(solved, model, pose, fitted, judged),
         LensKind::Rational => placed::<Rational, 13>(solved, model, pose, fitted, judged),
+        LensKind::ThinPrism => placed::<ThinPrism, 17>(solved, model, pose, fitted, judged),
         LensKind::Fisheye => placed::<Fisheye, 9>(solved, model, pose, fitted, judged),
+        LensKind::Pix4dFisheye => placed::<Pix4dFisheye, 9>(solved, model, pose, fitted, judged),
     }
 }
 
@@ -172,8 +174,12 @@ pub(super) fn solve(
         (LensKind::Brown, true) => solve_lens::<Brown, 10, 14, 14>(problem, starts, weigh_down),
         (LensKind::Rational, false) => solve_lens::<Rational, 13, 13, 17>(problem, starts, weigh_down),
         (LensKind::Rational, true) => solve_lens::<Rational, 13, 17, 17>(problem, starts, weigh_down),
+        (LensKind::ThinPrism, false) => solve_lens::<ThinPrism, 17, 17, 21>(problem, starts, weigh_down),
+        (LensKind::ThinPrism, true) => solve_lens::<ThinPrism, 17, 21, 21>(problem, starts, weigh_down),
         (LensKind::Fisheye, false) => solve_lens::<Fisheye, 9, 9, 13>(problem, starts, weigh_down),
         (LensKind::Fisheye, true) => solve_lens::<Fisheye, 9, 13, 13>(problem, starts, weigh_down),
+        (LensKind::Pix4dFisheye, false) => solve_lens::<Pix4dFisheye, 9, 9, 13>(problem, starts, weigh_down),
+        (LensKind::Pix4dFisheye, true) => solve_lens::<Pix4dFisheye, 9, 13, 13>(problem, starts, weigh_down),
     }
 }
 

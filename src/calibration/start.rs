@@ -90,7 +90,7 @@ pub(super) fn starts(
     // Two directions fix a camera without skew, three one with it.
     let needed = if model.skew() { 3 } else { 2 };
     let frame = Frame::new(width, height);
-    if model.kind == LensKind::Fisheye {
+    if model.kind.is_fisheye() {
         let start = ladder(views, frame, model.kind).ok_or(StartError::NoCamera)?;
         directions(start.poses.iter().map(|pose| pose.rotation * Vector3::z()), needed)?;
         return Ok(vec![start]);
@@ -320,7 +320,7 @@ fn rung_of(views: &[ViewPoints], frame: Frame, kind: LensKind, focal: f64) -> Op
 
 /// Unit bearing of an image point in units of the focal length.
 fn undistorted_bearing(kind: LensKind, image: Vector2<f64>) -> Option<Vector3<f64>> {
-    if kind != LensKind::Fisheye {
+    if !kind.is_fisheye() {
         return Some(image.push(1.0).normalize());
     }
     let theta = image.norm();
@@ -330,7 +330,7 @@ fn undistorted_bearing(kind: LensKind, image: Vector2<f64>) -> Option<Vector3<f6
 
 /// Image point, in units of the focal length, of a point in the camera frame.
 fn undistorted_image(kind: LensKind, point: &Vector3<f64>) -> Option<Vector2<f64>> {
-    if kind != LensKind::Fisheye {
+    if !kind.is_fisheye() {
         return (point.z > 0.0).then(|| point.xy() / point.z);
     }
     let r = point.xy().norm();

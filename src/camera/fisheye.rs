@@ -12,11 +12,12 @@
 //! and Fish-Eye Lenses", eq. (6), scaled as OpenCV's `fisheye` module does (its α is skew / fx).
 
 use super::ImagePoint;
+use super::angular::{self, Polar};
 use super::lens::{CameraError, LensFunction, LensKind, Projected, check_interior, pixel_from_distorted};
 use super::plane;
 use super::roots::first_root;
 use crate::units::Radians;
-use nalgebra::{Matrix2x3, SMatrix, Vector2, Vector3};
+use nalgebra::{SMatrix, Vector2, Vector3};
 
 /// Number of interior parameters.
 const N: usize = 9;
@@ -33,10 +34,6 @@ impl Fisheye {
     /// Names of the interior parameters in the order of every vector and covariance of them.
     pub const NAMES: [&'static str; N] =
         ["fx_px", "fy_px", "skew_px", "cx_px", "cy_px", "k1", "k2", "k3", "k4"];
-
-    /// Largest off-axis angle whose tangent is used: beyond it a ray with component 1 along the axis
-    /// outgrows all arithmetic.
-    const LARGEST_TANGENT_ANGLE: Radians = Radians::from_degrees(89.0);
 
     /// From the parameters in the order of [`Fisheye::NAMES`]; lengths in pixels, terms dimensionless.
     ///
@@ -75,20 +72,14 @@ impl Fisheye {
     #[must_use]
     pub fn direction_from_pixel(&self, pixel: ImagePoint) -> Option<Vector3<f64>> {
         let distorted = plane::distorted_from_pixel(&self.interior, pixel)?;
-        let radius = distorted.norm();
-        let (sin, cos) = self.angle_from_radius(radius)?.sin_cos();
-        // On the axis sin θ / θ_d is 1.
-        let scale = if radius > 0.0 { sin / radius } else { 1.0 };
-        Some(Vector3::new(distorted.x * scale, distorted.y * scale, cos))
+        angular::direction(distorted, self.fold, |theta| polynomial(&self.interior, theta))
     }
 
     /// (X/Z, Y/Z) of the direction that a pixel sees, or `None` where the lens has no inverse or sees 89°
     /// and more off axis.
     #[must_use]
     pub fn ideal_from_pixel(&self, pixel: ImagePoint) -> Option<Vector2<f64>> {
-        let direction = self.direction_from_pixel(pixel)?;
-        let within = direction.xy().norm().atan2(direction.z) < Self::LARGEST_TANGENT_ANGLE.get();
-        within.then(|| direction.xy() / direction.z)
+        angular::ideal(&self.direction_from_pixel(pixel)?)
     }
 
     /// Image area that a piece of the scene covers, relative to the equidistant fisheye: 1 on the axis,
@@ -98,33 +89,6 @@ impl Fisheye {
         let theta = point.xy().norm().atan2(point.z);
         let (factor, slope) = polynomial(&self.interior, theta);
         factor * slope
-    }
-
-    /// The angle θ < fold with θ_d(θ) = `radius`: Newton's method between bounds, θ_d rising up to the fold.
-    fn angle_from_radius(&self, radius: f64) -> Option<f64> {
-        const ROUNDS: u32 = 100;
-        let value = |theta: f64| theta * polynomial(&self.interior, theta).0;
-        let (mut low, mut high) = (0.0, self.fold.min(std::f64::consts::PI));
-        if radius.is_nan() || radius >= value(high) {
-            return None;
-        }
-        let mut theta = radius.min(0.5 * high);
-        for _ in 0..ROUNDS {
-            let (factor, slope) = polynomial(&self.interior, theta);
-            let excess = theta * factor - radius;
-            if excess > 0.0 {
-                high = theta
-            } else {
-                low = theta
-            }
-            let newton = theta - excess / slope;
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-            if (next - theta).abs() <= 1e-15 * (1.0 + theta) {
-                return Some(next);
-            }
-            theta = next;
-        }
-        Some(theta)
     }
 }
 
@@ -136,29 +100,6 @@ fn polynomial(interior: &[f64; N], theta: f64) -> (f64, f64) {
     let factor = 1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4)));
     let slope = 1.0 + t * (3.0 * k1 + t * (5.0 * k2 + t * (7.0 * k3 + t * 9.0 * k4)));
     (factor, slope)
-}
-
-/// A point seen by the fisheye: off-axis angle, θ/R and the direction cosines of (X, Y) in the image.
-struct Polar {
-    theta: f64,
-    /// θ / √(X² + Y²), continued onto the axis; per unit of the point.
-    theta_by_r: f64,
-    r: f64,
-    rho: f64,
-}
-
-impl Polar {
-    #[inline]
-    fn of(point: &Vector3<f64>) -> Option<Self> {
-        let (r, rho) = (point.xy().norm(), point.norm());
-        // On the axis in front atan(r/z)/r is 1/z; behind the camera the axis has no one direction.
-        if !(rho.is_finite() && rho > 0.0) || (r == 0.0 && point.z < 0.0) {
-            return None;
-        }
-        let theta = r.atan2(point.z);
-        let theta_by_r = if r > 1e-8 * rho { theta / r } else { 1.0 / point.z };
-        Some(Self { theta, theta_by_r, r, rho })
-    }
 }
 
 impl LensFunction<N> for Fisheye {
@@ -173,23 +114,11 @@ impl LensFunction<N> for Fisheye {
 
     #[inline]
     fn project_with(interior: &[f64; N], point: &Vector3<f64>) -> Option<Projected<N>> {
-        let Polar { theta, theta_by_r, r, rho } = Polar::of(point)?;
+        let polar = Polar::of(point)?;
+        let Polar { theta, theta_by_r, .. } = polar;
         let (factor, slope) = polynomial(interior, theta);
-        let (x, y, z) = (point.x, point.y, point.z);
-        let scale = factor * theta_by_r;
-        let distorted = Vector2::new(x * scale, y * scale);
-        // With u = (X, Y)/R: d(x_d, y_d) = u slope dθ + scale (dX, dY) across u; dθ = (Z dR − R dZ)/ρ².
-        let (ux, uy) = if r > 0.0 { (x / r, y / r) } else { (1.0, 0.0) };
-        let along = slope * z / (rho * rho);
-        let fall = -slope * r / (rho * rho);
-        let by_point = Matrix2x3::new(
-            ux * ux * along + uy * uy * scale,
-            ux * uy * (along - scale),
-            ux * fall,
-            ux * uy * (along - scale),
-            uy * uy * along + ux * ux * scale,
-            uy * fall,
-        );
+        let distorted: Vector2<f64> = point.xy() * (factor * theta_by_r);
+        let by_point = polar.derivative(point, factor, slope);
         let affine = plane::affine(interior);
         let mut by_interior: SMatrix<f64, 2, N> = plane::by_affine(distorted);
         let t = theta * theta;

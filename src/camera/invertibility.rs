@@ -1,11 +1,12 @@
 //! Whether every pixel of the frame has exactly one viewing ray: a proof, or the pixels that have none.
 //!
-//! A lens on the ideal plane has a symmetric derivative. Where that is positive definite on a disc, no two of
+//! Where the symmetric part of a lens's derivative on the ideal plane is positive definite on a disc, no two of
 //! the disc's points share a pixel, for (D(a) − D(b))·(a − b) is the integral of a positive form along the
-//! way from b to a. And where the image of the disc's rim stays outside the frame, while a pixel inside the
+//! way from b to a; without a prism the derivative is symmetric itself. And where the image of the disc's rim stays outside the frame, while a pixel inside the
 //! frame has its ray in the disc, the whole frame is covered: it is connected and cannot cross the rim's
 //! image. Both are shown with intervals, box by box and arc by arc, so that rounding cannot fake them. Of a
-//! fisheye the radius alone has to rise, up to the farthest corner of the frame.
+//! fisheye the radius alone has to rise, up to the farthest corner of the frame: its affine plane is regular by
+//! construction.
 
 use super::ImagePoint;
 use super::interval::Interval;
@@ -55,14 +56,36 @@ impl Camera {
     #[must_use]
     pub fn invertibility(&self) -> Invertibility {
         let proved = match &self.lens {
-            Lens::Fisheye(lens) => lens.interior()[5..].try_into().ok().and_then(|k| self.prove_fisheye(k)),
+            Lens::Fisheye(lens) => {
+                let [.., k1, k2, k3, k4] = lens.interior();
+                self.prove_angular(&AngularLens {
+                    factor: [1.0, k1, k2, k3, k4],
+                    slope: [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4],
+                    variable: Interval::square,
+                })
+            }
+            Lens::Pix4dFisheye(lens) => {
+                let [[f0, f1, f2, f3], [s0, s1, s2, s3]] = lens.terms();
+                self.prove_angular(&AngularLens {
+                    factor: [f0, f1, f2, f3, 0.0],
+                    slope: [s0, s1, s2, s3, 0.0],
+                    variable: |theta| theta,
+                })
+            }
             Lens::Brown(lens) => {
                 let [.., k1, k2, p1, p2, k3] = lens.interior();
-                self.prove_plane(&PlaneLens { above: [1.0, k1, k2, k3], below: [1.0, 0.0, 0.0, 0.0], p1, p2 })
+                let (above, below) = ([1.0, k1, k2, k3], [1.0, 0.0, 0.0, 0.0]);
+                self.prove_plane(&PlaneLens { above, below, p1, p2, prism: None })
             }
             Lens::Rational(lens) => {
                 let [.., k1, k2, p1, p2, k3, k4, k5, k6] = lens.interior();
-                self.prove_plane(&PlaneLens { above: [1.0, k1, k2, k3], below: [1.0, k4, k5, k6], p1, p2 })
+                let (above, below) = ([1.0, k1, k2, k3], [1.0, k4, k5, k6]);
+                self.prove_plane(&PlaneLens { above, below, p1, p2, prism: None })
+            }
+            Lens::ThinPrism(lens) => {
+                let [.., k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = lens.interior();
+                let (above, below) = ([1.0, k1, k2, k3], [1.0, k4, k5, k6]);
+                self.prove_plane(&PlaneLens { above, below, p1, p2, prism: Some([s1, s2, s3, s4]) })
             }
         };
         proved.map_or_else(
@@ -92,23 +115,19 @@ impl Camera {
         [(-0.5, -0.5), (right, -0.5), (right, bottom), (-0.5, bottom)].map(|(c, r)| ImagePoint::new(c, r))
     }
 
-    fn prove_fisheye(&self, [k1, k2, k3, k4]: [f64; 4]) -> Option<Radians> {
-        // In the distorted plane the frame is a parallelogram: its farthest point is a corner.
-        let interior = self.lens.interior();
-        let reach = |corner: ImagePoint| {
-            let y = (corner.row - interior[4]) / interior[1];
-            f64::hypot((corner.column - interior[3] - interior[2] * y) / interior[0], y)
-        };
-        let radius = self.corners().into_iter().map(reach).fold(0.0, f64::max) * (1.0 + 1e-12);
-        let slope = [1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4];
-        let image = [1.0, k1, k2, k3, k4];
+    fn prove_angular(&self, lens: &AngularLens) -> Option<Radians> {
+        // In the distorted plane the frame is a parallelogram: its farthest point is a corner. The margin is far
+        // above the rounding of the affine map's inverse.
+        let reach =
+            |corner: &ImagePoint| self.lens.distorted_from_pixel(*corner).map_or(f64::NAN, |d| d.norm());
+        let farthest = self.corners().into_iter().max_by(|a, b| reach(a).total_cmp(&reach(b)))?;
+        let radius = reach(&farthest) * (1.0 + 1e-11);
         // The angle whose image lies just outside the farthest corner.
-        let farthest = self.corners().into_iter().max_by(|a, b| reach(*a).total_cmp(&reach(*b)))?;
         let direction = self.lens.direction_from_pixel(farthest)?;
         let theta = direction.xy().norm().atan2(direction.z) * (1.0 + 1e-9);
-        let squared = Interval::exactly(theta).square();
-        let covers = (Interval::exactly(theta) * squared.polynomial(&image)).low > radius;
-        let rises = everywhere(Interval::new(0.0, squared.high), &|t| t.polynomial(&slope).low > 0.0);
+        let variable = (lens.variable)(Interval::exactly(theta));
+        let covers = (Interval::exactly(theta) * variable.polynomial(&lens.factor)).low > radius;
+        let rises = everywhere(Interval::new(0.0, variable.high), &|t| t.polynomial(&lens.slope).low > 0.0);
         (covers && rises && theta < std::f64::consts::PI).then(|| Radians::new(theta))
     }
 
@@ -181,12 +200,22 @@ fn everywhere(whole: Interval, holds: &impl Fn(Interval) -> bool) -> bool {
     true
 }
 
-/// Brown's or the rational lens: numerator and denominator of the radial factor by powers of r², decentring.
+/// A fisheye: θ_d/θ and dθ_d/dθ by powers of a variable that rises with θ.
+struct AngularLens {
+    factor: [f64; 5],
+    slope: [f64; 5],
+    /// The variable of an angle.
+    variable: fn(Interval) -> Interval,
+}
+
+/// Brown's or the rational lens: numerator and denominator of the radial factor by powers of r², decentring, and
+/// s1, s2, s3, s4 when there is a prism.
 struct PlaneLens {
     above: [f64; 4],
     below: [f64; 4],
     p1: f64,
     p2: f64,
+    prism: Option<[f64; 4]>,
 }
 
 impl PlaneLens {
@@ -207,21 +236,34 @@ impl PlaneLens {
         let [factor, _] = self.radial(xx + yy)?;
         let [two, three] = [2.0, 3.0].map(Interval::exactly);
         let (p1, p2) = (Interval::exactly(self.p1), Interval::exactly(self.p2));
-        Some([
+        let image = [
             x * factor + two * p1 * x * y + p2 * (three * xx + yy),
             y * factor + p1 * (xx + three * yy) + two * p2 * x * y,
-        ])
+        ];
+        let Some(prism) = self.prism else { return Some(image) };
+        let [s1, s2, s3, s4] = prism.map(Interval::exactly);
+        let r2 = xx + yy;
+        Some([image[0] + r2 * (s1 + s2 * r2), image[1] + r2 * (s3 + s4 * r2)])
     }
 
-    /// True when the derivative is positive definite on all of a box.
+    /// True when the symmetric part of the derivative is positive definite on all of a box.
     fn is_definite(&self, x: Interval, y: Interval) -> bool {
         let (xx, yy) = (x.square(), y.square());
         let Some([factor, by_r2]) = self.radial(xx + yy) else { return false };
         let [two, six] = [2.0, 6.0].map(Interval::exactly);
         let (p1, p2) = (Interval::exactly(self.p1), Interval::exactly(self.p2));
-        let a = factor + two * xx * by_r2 + two * p1 * y + six * p2 * x;
-        let d = factor + two * yy * by_r2 + six * p1 * y + two * p2 * x;
-        let b = two * (x * y * by_r2 + p1 * x + p2 * y);
+        let mut a = factor + two * xx * by_r2 + two * p1 * y + six * p2 * x;
+        let mut d = factor + two * yy * by_r2 + six * p1 * y + two * p2 * x;
+        let mut b = two * (x * y * by_r2 + p1 * x + p2 * y);
+        if let Some(prism) = self.prism {
+            // d(s r² + s′ r⁴) = 2 (s + 2 s′ r²) (x, y); off the diagonal the mean of both.
+            let [s1, s2, s3, s4] = prism.map(Interval::exactly);
+            let r2 = two * (xx + yy);
+            let (along_x, along_y) = (s1 + s2 * r2, s3 + s4 * r2);
+            a = a + two * x * along_x;
+            d = d + two * y * along_y;
+            b = b + y * along_x + x * along_y;
+        }
         a.low > 0.0 && d.low > 0.0 && (a * d - b.square()).low > 0.0
     }
 
@@ -252,8 +294,9 @@ impl PlaneLens {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Brown, Fisheye, Rational};
+    use super::super::{Brown, Fisheye, Pix4dFisheye, Rational, ThinPrism};
     use super::*;
+    use proptest::prelude::*;
 
     fn camera(lens: impl Into<Lens>, width: u32, height: u32) -> Camera {
         Camera::new(lens, width, height, None).unwrap()
@@ -306,5 +349,85 @@ mod tests {
             panic!("it folds at 1 rad, 200 px from the centre")
         };
         assert!(mask.share() > 0.8, "{}", mask.share());
+    }
+
+    #[test]
+    fn a_prism_is_proved_or_refuted() {
+        let prism = |s1: f64| {
+            let mut interior = [0.0; 17];
+            interior[..6].copy_from_slice(&[500.0, 500.0, 0.0, 319.5, 239.5, -0.1]);
+            interior[13..].copy_from_slice(&[s1, -0.1 * s1, -0.5 * s1, 0.0]);
+            camera(ThinPrism::new(interior).unwrap(), 640, 480).invertibility()
+        };
+        assert!(matches!(prism(0.01), Invertibility::Proved { .. }));
+        // x + 2 r² turns over at x = −0.25, an eighth of a focal length from the centre.
+        let Invertibility::Unproved { mask } = prism(2.0) else { panic!("it folds") };
+        assert!(mask.share() > 0.3, "{}", mask.share());
+    }
+
+    #[test]
+    fn pix4ds_fisheye_is_proved_and_refuted() {
+        let lens = |rho2: f64| {
+            let lens = Pix4dFisheye::new([1120.0, 1119.0, 1.0, 640.0, 480.0, -2.0, rho2, -0.03, 0.0]);
+            camera(lens.unwrap(), 1280, 960).invertibility()
+        };
+        let Invertibility::Proved { to } = lens(-0.13) else { panic!("not proved") };
+        // A Sequoia's corner lies 45° off axis.
+        assert!((42.0..50.0).contains(&to.degrees()), "{}", to.degrees());
+        // 1 − 4 t − 0.09 t² vanishes at t = 0.25, 22° off axis.
+        let Invertibility::Unproved { mask } = lens(-2.0) else { panic!("it folds") };
+        assert!(mask.share() > 0.5, "{}", mask.share());
+    }
+
+    /// Random lenses of every kind, many of them folding.
+    fn any_camera() -> impl Strategy<Value = Camera> {
+        let term = |size: f64| -size..size;
+        let terms = (
+            proptest::array::uniform6(term(0.5)),
+            proptest::array::uniform2(term(0.01)),
+            proptest::array::uniform4(term(0.02)),
+        );
+        let plane = (250.0..1500.0f64, 0.9..1.1f64, term(3.0), term(60.0), term(60.0));
+        (0..5usize, plane, terms).prop_map(|(kind, (f, aspect, skew, x, y), (k, p, s))| {
+            let [fx, fy, cx, cy] = [f * aspect, f, 511.5 + x, 383.5 + y];
+            let lens: Lens = match kind {
+                0 => Brown::new([fx, fy, skew, cx, cy, k[0], k[1], p[0], p[1], k[2]]).unwrap().into(),
+                1 => Rational::new([fx, fy, skew, cx, cy, k[0], k[1], p[0], p[1], k[2], k[3], k[4], k[5]])
+                    .unwrap()
+                    .into(),
+                2 => ThinPrism::new([
+                    fx, fy, skew, cx, cy, k[0], k[1], p[0], p[1], k[2], k[3], k[4], k[5], s[0], s[1], s[2],
+                    s[3],
+                ])
+                .unwrap()
+                .into(),
+                3 => Fisheye::new([fx, fy, skew, cx, cy, 0.3 * k[0], 0.1 * k[1], 0.1 * k[2], 0.03 * k[3]])
+                    .unwrap()
+                    .into(),
+                _ => {
+                    Pix4dFisheye::new([fx, fy, skew, cx, cy, s[0] * 100.0, k[0], k[1], k[2]]).unwrap().into()
+                }
+            };
+            camera(lens, 1024, 768)
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn where_it_is_proved_every_pixel_comes_back(
+            camera in any_camera(), at in proptest::collection::vec((-0.5..1023.5f64, -0.5..767.5f64), 40),
+        ) {
+            let proved = matches!(camera.invertibility(), Invertibility::Proved { .. });
+            for (column, row) in at {
+                let direction = camera.lens.direction_from_pixel(ImagePoint::new(column, row));
+                prop_assert!(direction.is_some() || !proved, "({column}, {row}) has no ray");
+                let Some(direction) = direction else { continue };
+                let back = camera.lens.pixel_from_point(&direction);
+                // Also of a lens that folds elsewhere: a ray that is given is a ray that the lens sees.
+                let near = back.is_some_and(|p| f64::hypot(p.column - column, p.row - row) < 1e-6);
+                prop_assert!(near, "{back:?} for ({column}, {row})");
+            }
+        }
     }
 }

@@ -3,13 +3,15 @@
 use super::ImagePoint;
 use super::brown::Brown;
 use super::fisheye::Fisheye;
+use super::pix4d_fisheye::Pix4dFisheye;
 use super::plane;
 use super::rational::Rational;
+use super::thin_prism::ThinPrism;
 use crate::units::Radians;
 use nalgebra::{Matrix2x3, SMatrix, Vector2, Vector3};
 
 /// The most interior parameters that any lens has.
-pub const MAX_INTERIOR: usize = 13;
+pub const MAX_INTERIOR: usize = 17;
 
 /// Interior parameters of any lens in the order of its names, then zeros.
 pub type Interior = [f64; MAX_INTERIOR];
@@ -38,6 +40,22 @@ pub enum CameraError {
         /// What was given.
         value: f64,
     },
+    /// The affine matrix of a fisheye is flat or mirrors the image.
+    #[error(
+        "the affine matrix of the image plane has the determinant {determinant} px²: it is flat or mirrored"
+    )]
+    Affine {
+        /// Of d(column, row)/d(distorted), px².
+        determinant: f64,
+    },
+    /// A fisheye polynomial that does not start on the axis or does not rise from it.
+    #[error("the fisheye polynomial begins with {p0} and {p1}: it must begin with 0 and a positive number")]
+    Polynomial {
+        /// Constant term.
+        p0: f64,
+        /// Linear term.
+        p1: f64,
+    },
     /// The image has no pixels.
     #[error("camera image size {width} × {height} px has no pixels")]
     EmptyImage {
@@ -55,13 +73,18 @@ pub enum LensKind {
     Brown,
     /// OpenCV's rational lens: Brown with a radial denominator.
     Rational,
-    /// Kannala–Brandt fisheye: a polynomial of the off-axis angle.
+    /// OpenCV's rational lens with a thin prism: twelve terms.
+    ThinPrism,
+    /// Kannala–Brandt fisheye: an odd polynomial of the off-axis angle.
     Fisheye,
+    /// Pix4D's fisheye, the Sequoia's: a polynomial of the off-axis angle over a full affine plane.
+    Pix4dFisheye,
 }
 
 impl LensKind {
     /// All of them, simplest first.
-    pub const ALL: [Self; 3] = [Self::Brown, Self::Fisheye, Self::Rational];
+    pub const ALL: [Self; 5] =
+        [Self::Brown, Self::Fisheye, Self::Pix4dFisheye, Self::Rational, Self::ThinPrism];
 
     /// Names of the interior parameters in the order of every vector and covariance of them; the first five
     /// are `fx_px`, `fy_px`, `skew_px`, `cx_px`, `cy_px` for every kind.
@@ -71,7 +94,15 @@ impl LensKind {
             Self::Brown => &Brown::NAMES,
             Self::Rational => &Rational::NAMES,
             Self::Fisheye => &Fisheye::NAMES,
+            Self::ThinPrism => &ThinPrism::NAMES,
+            Self::Pix4dFisheye => &Pix4dFisheye::NAMES,
         }
+    }
+
+    /// True of the lenses that see by angles, to the side and backwards; false of those on the ideal plane.
+    #[must_use]
+    pub const fn is_fisheye(self) -> bool {
+        matches!(self, Self::Fisheye | Self::Pix4dFisheye)
     }
 
     /// The word for it in camera files.
@@ -81,6 +112,8 @@ impl LensKind {
             Self::Brown => "brown",
             Self::Rational => "rational",
             Self::Fisheye => "fisheye",
+            Self::ThinPrism => "thin_prism",
+            Self::Pix4dFisheye => "pix4d_fisheye",
         }
     }
 }
@@ -143,6 +176,10 @@ pub enum Lens {
     Rational(Rational),
     /// Kannala–Brandt fisheye.
     Fisheye(Fisheye),
+    /// OpenCV's rational lens with a thin prism.
+    ThinPrism(ThinPrism),
+    /// Pix4D's fisheye.
+    Pix4dFisheye(Pix4dFisheye),
 }
 
 impl From<Brown> for Lens {
@@ -163,16 +200,30 @@ impl From<Fisheye> for Lens {
     }
 }
 
+impl From<ThinPrism> for Lens {
+    fn from(lens: ThinPrism) -> Self {
+        Self::ThinPrism(lens)
+    }
+}
+
+impl From<Pix4dFisheye> for Lens {
+    fn from(lens: Pix4dFisheye) -> Self {
+        Self::Pix4dFisheye(lens)
+    }
+}
+
 impl Lens {
     /// Of a kind, from its parameters in the order of [`LensKind::names`]; what follows them is not used.
     ///
     /// # Errors
-    /// [`CameraError::NotFinite`] and [`CameraError::FocalLength`].
+    /// [`CameraError::NotFinite`], [`CameraError::FocalLength`] and [`CameraError::Affine`].
     pub fn new(kind: LensKind, interior: &Interior) -> Result<Self, CameraError> {
         Ok(match kind {
             LensKind::Brown => Self::Brown(Brown::new(leading(interior))?),
             LensKind::Rational => Self::Rational(Rational::new(leading(interior))?),
             LensKind::Fisheye => Self::Fisheye(Fisheye::new(leading(interior))?),
+            LensKind::ThinPrism => Self::ThinPrism(ThinPrism::new(leading(interior))?),
+            LensKind::Pix4dFisheye => Self::Pix4dFisheye(Pix4dFisheye::new(leading(interior))?),
         })
     }
 
@@ -183,6 +234,8 @@ impl Lens {
             Self::Brown(_) => LensKind::Brown,
             Self::Rational(_) => LensKind::Rational,
             Self::Fisheye(_) => LensKind::Fisheye,
+            Self::ThinPrism(_) => LensKind::ThinPrism,
+            Self::Pix4dFisheye(_) => LensKind::Pix4dFisheye,
         }
     }
 
@@ -199,6 +252,8 @@ impl Lens {
             Self::Brown(lens) => padded(lens.interior()),
             Self::Rational(lens) => padded(lens.interior()),
             Self::Fisheye(lens) => padded(lens.interior()),
+            Self::ThinPrism(lens) => padded(lens.interior()),
+            Self::Pix4dFisheye(lens) => padded(lens.interior()),
         }
     }
 
@@ -209,6 +264,8 @@ impl Lens {
             Self::Brown(lens) => angle_of(lens.fold_radius()),
             Self::Rational(lens) => angle_of(lens.fold_radius()),
             Self::Fisheye(lens) => lens.fold_angle(),
+            Self::ThinPrism(lens) => angle_of(lens.fold_radius()),
+            Self::Pix4dFisheye(lens) => lens.fold_angle(),
         }
     }
 
@@ -219,10 +276,9 @@ impl Lens {
         match self {
             Self::Brown(lens) => lens.fold_radius(),
             Self::Rational(lens) => lens.fold_radius(),
-            Self::Fisheye(lens) => {
-                let angle = lens.fold_angle().get();
-                if angle < std::f64::consts::FRAC_PI_2 { angle.tan() } else { f64::INFINITY }
-            }
+            Self::ThinPrism(lens) => lens.fold_radius(),
+            Self::Fisheye(lens) => tangent_of(lens.fold_angle()),
+            Self::Pix4dFisheye(lens) => tangent_of(lens.fold_angle()),
         }
     }
 
@@ -234,6 +290,8 @@ impl Lens {
             Self::Brown(lens) => plane::ideal(point).and_then(|ideal| lens.pixel_from_ideal(ideal)),
             Self::Rational(lens) => plane::ideal(point).and_then(|ideal| lens.pixel_from_ideal(ideal)),
             Self::Fisheye(lens) => lens.pixel_from_point(point),
+            Self::ThinPrism(lens) => plane::ideal(point).and_then(|ideal| lens.pixel_from_ideal(ideal)),
+            Self::Pix4dFisheye(lens) => lens.pixel_from_point(point),
         }
     }
 
@@ -245,6 +303,8 @@ impl Lens {
             Self::Brown(lens) => lens.ideal_from_pixel(pixel).map(|ideal| ideal.push(1.0)),
             Self::Rational(lens) => lens.ideal_from_pixel(pixel).map(|ideal| ideal.push(1.0)),
             Self::Fisheye(lens) => lens.direction_from_pixel(pixel),
+            Self::ThinPrism(lens) => lens.ideal_from_pixel(pixel).map(|ideal| ideal.push(1.0)),
+            Self::Pix4dFisheye(lens) => lens.direction_from_pixel(pixel),
         }
     }
 
@@ -256,6 +316,16 @@ impl Lens {
             Self::Brown(lens) => lens.ideal_from_pixel(pixel),
             Self::Rational(lens) => lens.ideal_from_pixel(pixel),
             Self::Fisheye(lens) => lens.ideal_from_pixel(pixel),
+            Self::ThinPrism(lens) => lens.ideal_from_pixel(pixel),
+            Self::Pix4dFisheye(lens) => lens.ideal_from_pixel(pixel),
+        }
+    }
+
+    /// Distorted point of a pixel; `None` when the pixel is not finite.
+    pub(super) fn distorted_from_pixel(&self, pixel: ImagePoint) -> Option<Vector2<f64>> {
+        match self {
+            Self::Pix4dFisheye(lens) => lens.distorted_from_pixel(pixel),
+            _ => plane::distorted_from_pixel(&self.interior(), pixel),
         }
     }
 
@@ -266,6 +336,10 @@ impl Lens {
             Self::Brown(lens) => Brown::project_with(&lens.interior(), point).map(padded_projection),
             Self::Rational(lens) => Rational::project_with(&lens.interior(), point).map(padded_projection),
             Self::Fisheye(lens) => Fisheye::project_with(&lens.interior(), point).map(padded_projection),
+            Self::ThinPrism(lens) => ThinPrism::project_with(&lens.interior(), point).map(padded_projection),
+            Self::Pix4dFisheye(lens) => {
+                Pix4dFisheye::project_with(&lens.interior(), point).map(padded_projection)
+            }
         }
     }
 
@@ -281,12 +355,18 @@ impl Lens {
             Self::Brown(lens) => lens.magnification(ideal()),
             Self::Rational(lens) => lens.magnification(ideal()),
             Self::Fisheye(lens) => lens.magnification(point),
+            Self::ThinPrism(lens) => lens.magnification(ideal()),
+            Self::Pix4dFisheye(lens) => lens.magnification(point),
         }
     }
 }
 
 fn angle_of(radius: f64) -> Radians {
     Radians::new(if radius.is_finite() { radius.atan() } else { f64::INFINITY })
+}
+
+fn tangent_of(angle: Radians) -> f64 {
+    if angle.get() < std::f64::consts::FRAC_PI_2 { angle.get().tan() } else { f64::INFINITY }
 }
 
 fn leading<const N: usize>(interior: &Interior) -> [f64; N] {

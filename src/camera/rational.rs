@@ -40,7 +40,7 @@ impl Rational {
     pub fn new(interior: [f64; N]) -> Result<Self, CameraError> {
         check_interior(&Self::NAMES, &interior)?;
         let [.., k1, k2, _, _, k3, k4, k5, k6] = interior;
-        Ok(Self { interior, fold_radius_squared: first_fold(&[1.0, k1, k2, k3], &[1.0, k4, k5, k6]) })
+        Ok(Self { interior, fold_radius_squared: first_fold(&[k1, k2, k3, k4, k5, k6]) })
     }
 
     /// The parameters in the order of [`Rational::NAMES`].
@@ -79,7 +79,12 @@ impl Rational {
 impl IdealMap for Rational {
     fn distort(&self, ideal: Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         let [.., p1, p2, _, _, _, _] = self.interior;
-        plane::distort(ideal, Quotient::at(&self.interior, ideal.norm_squared()).radial(), p1, p2)
+        plane::distort(
+            ideal,
+            Quotient::at(&radial_terms(&self.interior), ideal.norm_squared()).radial(),
+            p1,
+            p2,
+        )
     }
 
     fn is_single_valued(&self, ideal: Vector2<f64>, jacobian: &Matrix2<f64>) -> bool {
@@ -94,7 +99,7 @@ impl LensFunction<N> for Rational {
     fn pixel_with(interior: &[f64; N], point: &Vector3<f64>) -> Option<ImagePoint> {
         let [.., p1, p2, _, _, _, _] = *interior;
         let ideal = plane::ideal(point)?;
-        let quotient = Quotient::at(interior, ideal.norm_squared());
+        let quotient = Quotient::at(&radial_terms(interior), ideal.norm_squared());
         let (distorted, _) = plane::distort(ideal, quotient.radial(), p1, p2);
         (quotient.denominator > 0.0).then(|| pixel_from_distorted(interior, distorted))
     }
@@ -103,40 +108,41 @@ impl LensFunction<N> for Rational {
     fn project_with(interior: &[f64; N], point: &Vector3<f64>) -> Option<Projected<N>> {
         let [.., p1, p2, _, _, _, _] = *interior;
         let ideal = plane::ideal(point)?;
-        let r2 = ideal.norm_squared();
-        let quotient = Quotient::at(interior, r2);
+        let quotient = Quotient::at(&radial_terms(interior), ideal.norm_squared());
         if quotient.denominator.is_nan() || quotient.denominator <= 0.0 {
             return None;
         }
-        let radial = quotient.radial();
-        let (d, jacobian) = plane::distort(ideal, radial, p1, p2);
+        let (d, jacobian) = plane::distort(ideal, quotient.radial(), p1, p2);
         let mut projected = plane::project(interior, ideal, point.z, d, &jacobian);
         let affine = plane::affine(interior);
-        let [by_p1, by_p2] = plane::decentring_terms(ideal);
-        let above = ideal * (r2 / quotient.denominator);
-        let below = above * -radial.factor;
-        let terms =
-            [above, above * r2, by_p1, by_p2, above * (r2 * r2), below, below * r2, below * (r2 * r2)];
-        for (k, term) in terms.into_iter().enumerate() {
+        for (k, term) in quotient.by_terms(ideal).into_iter().enumerate() {
             projected.by_interior.set_column(5 + k, &(affine * term));
         }
         Some(projected)
     }
 }
 
+/// k1 … k6, without the decentring between them.
+#[inline]
+fn radial_terms(interior: &[f64; N]) -> [f64; 6] {
+    let [.., k1, k2, _, _, k3, k4, k5, k6] = *interior;
+    [k1, k2, k3, k4, k5, k6]
+}
+
 /// Numerator and denominator of the radial factor at one radius, with their derivatives by r².
 #[derive(Clone, Copy)]
-struct Quotient {
+pub(super) struct Quotient {
     numerator: f64,
     numerator_by_r2: f64,
-    denominator: f64,
+    pub denominator: f64,
     denominator_by_r2: f64,
 }
 
 impl Quotient {
+    /// Of k1 … k6 at a radius.
     #[inline]
-    fn at(interior: &[f64; N], r2: f64) -> Self {
-        let [.., k1, k2, _, _, k3, k4, k5, k6] = *interior;
+    pub fn at(terms: &[f64; 6], r2: f64) -> Self {
+        let [k1, k2, k3, k4, k5, k6] = *terms;
         Self {
             numerator: 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)),
             numerator_by_r2: k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3),
@@ -145,18 +151,31 @@ impl Quotient {
         }
     }
 
+    /// The factor and its derivative.
     #[inline]
-    fn radial(&self) -> Radial {
+    pub fn radial(&self) -> Radial {
         let factor = self.numerator / self.denominator;
         let by_r2 = (self.numerator_by_r2 - factor * self.denominator_by_r2) / self.denominator;
         Radial { factor, by_r2 }
     }
+
+    /// d(distorted) by k1, k2, p1, p2, k3, k4, k5, k6.
+    #[inline]
+    pub fn by_terms(&self, ideal: Vector2<f64>) -> [Vector2<f64>; 8] {
+        let r2 = ideal.norm_squared();
+        let [by_p1, by_p2] = plane::decentring_terms(ideal);
+        let above = ideal * (r2 / self.denominator);
+        let below = above * -self.radial().factor;
+        [above, above * r2, by_p1, by_p2, above * (r2 * r2), below, below * r2, below * (r2 * r2)]
+    }
 }
 
-/// Square of the ideal radius at which r N/D turns over or D vanishes.
+/// Square of the ideal radius at which r N/D of k1 … k6 turns over or D vanishes.
 ///
 /// With s = r², d(r N/D)/dr has the sign of N D + 2 s (N′ D − N D′).
-fn first_fold(numerator: &[f64], denominator: &[f64]) -> f64 {
+pub(super) fn first_fold(terms: &[f64; 6]) -> f64 {
+    let [k1, k2, k3, k4, k5, k6] = *terms;
+    let (numerator, denominator) = (&[1.0, k1, k2, k3], &[1.0, k4, k5, k6]);
     let mut slope = product(numerator, denominator);
     let rising = product(&derivative(numerator), denominator);
     let falling = product(numerator, &derivative(denominator));

@@ -167,18 +167,24 @@ impl PixelRotation {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Brown, Fisheye, Rational};
+    use super::super::{Brown, Fisheye, Pix4dFisheye, Rational, ThinPrism};
     use super::*;
     use proptest::prelude::*;
 
     /// A camera of each lens.
-    fn cameras() -> [Camera; 3] {
+    fn cameras() -> [Camera; 5] {
         let brown = Brown::new([744.0, 749.0, -0.8, 566.0, 345.0, -0.2, 0.1, 1e-3, -2e-3, -0.02]).unwrap();
         let rational =
             Rational::new([520.0, 523.0, 0.5, 566.0, 345.0, 0.4, 0.1, 5e-4, -4e-4, 0.01, 0.7, 0.2, 0.03])
                 .unwrap();
         let fisheye = Fisheye::new([250.0, 251.0, 0.3, 566.0, 345.0, 0.03, -0.008, 0.003, -6e-4]).unwrap();
-        [Lens::from(brown), rational.into(), fisheye.into()]
+        let prism = ThinPrism::new([
+            520.0, 523.0, 0.5, 566.0, 345.0, 0.4, 0.1, 5e-4, -4e-4, 0.01, 0.7, 0.2, 0.03, 2e-3, -1e-3, 3e-3,
+            1e-3,
+        ])
+        .unwrap();
+        let pix4d = Pix4dFisheye::new([250.0, 251.0, 0.3, 566.0, 345.0, -0.7, -0.13, 0.03, -0.02]).unwrap();
+        [Lens::from(brown), rational.into(), prism.into(), pix4d.into(), fisheye.into()]
             .map(|lens| Camera::new(lens, 1152, 648, None).unwrap())
     }
 

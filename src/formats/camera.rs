@@ -1,278 +1,142 @@
-//! Camera files: our JSON with covariance, and the formats of others; read by content, written both ways.
+//! Camera files: our JSON with covariance, and the formats of others; recognised by their content, written both ways.
 //!
-//! Our format names its units in the keys, says where pixel (0, 0) is, and gives every number in the
-//! shortest form that reads back to the same bits:
+//! What each format counts pixels and lengths in, and how that becomes our pixels, (0, 0) the centre of the top-left
+//! one, of an image of `w` × `h` pixels:
 //!
-//! ```json
-//! { "format": "boresight-camera", "version": 1, "model": "brown",
-//!   "pixel_origin": "centre_of_top_left_pixel", "image_width_px": 1152, "image_height_px": 648,
-//!   "fx_px": 743.7937, "…": 0, "covariance": null, "source": { "method": "photos" } }
-//! ```
+//! | format | lengths | principal point | in our pixels | read | written |
+//! |---|---|---|---|---|---|
+//! | boresight JSON | px | centre of the top-left pixel | as it is | all lenses | all lenses |
+//! | OpenCV YAML | px | centre of the top-left pixel | as it is | 4, 5, 8, 12 terms, fisheye | as read |
+//! | ROS camera_info | px | as OpenCV | as it is | plumb_bob, rational_polynomial, equidistant | as read |
+//! | Kalibr camchain | px | as OpenCV | as it is | pinhole with none, radtan, equidistant | as read |
+//! | OpenSfM, ODM JSON | max(w, h) | offset from the middle | (w − 1) / 2 + c_x · max(w, h) | perspective, simple_radial, radial, brown, fisheye, fisheye_opencv | brown, fisheye_opencv |
+//! | orthority YAML | sensor_size, or max(w, h) | offset from the middle, max(w, h) | (w − 1) / 2 + cx · max(w, h) | pinhole, brown, fisheye, opencv | brown, fisheye, opencv |
+//! | Metashape XML | px | offset from w / 2, corner (0, 0) | (w − 1) / 2 + cx | frame, fisheye | as read |
+//! | Pix4D .cam | mm | image corner | Px · w / sensor width − ½ | perspective | perspective |
+//! | COLMAP cameras.txt | px | image corner | cx − ½ | nine models | PINHOLE, OPENCV, FULL_OPENCV, OPENCV_FISHEYE |
+//! | DJI DewarpData | px | offset from w / 2, used as OpenCV's | w / 2 + cx | 9 or 12 numbers | not |
 //!
-//! `model` is `brown` (k1 k2 p1 p2 k3), `rational` (k1 k2 p1 p2 k3 k4 k5 k6) or `fisheye` (k1 k2 k3 k4).
+//! What a format cannot hold is said in [`Exported::losses`]; a lens that it has no place for is refused.
 
+mod choice;
+mod colmap;
+mod dji;
+mod export;
+mod kalibr;
+mod metashape;
 mod opencv;
 mod opensfm;
+mod orthority;
+mod own;
+mod pix4d;
 mod ros;
 
+pub use choice::CameraChoice;
+pub use colmap::camera_colmap_txt;
+pub use dji::camera_from_dewarp_data;
+pub use export::{CameraFormat, ExportError, Exported, export};
+pub use kalibr::camera_kalibr_yaml;
+pub use metashape::camera_metashape_xml;
 pub use opencv::camera_opencv_yaml;
 pub use opensfm::camera_opensfm_json;
+pub use orthority::camera_orthority_yaml;
+pub use own::camera_json;
+pub use pix4d::camera_pix4d_cam;
 pub use ros::camera_ros_yaml;
 
 use super::InputError;
 use crate::camera::{Camera, Interior, InteriorCovariance, Lens, LensKind, MAX_INTERIOR};
-use serde::{Deserialize, Serialize};
+use export::common_losses;
 use std::path::Path;
 
-const FORMAT: &str = "boresight-camera";
-const VERSION: u32 = 1;
-const PIXEL_ORIGIN: &str = "centre_of_top_left_pixel";
-
-/// A camera in another program's format, and what that format cannot hold.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Exported {
-    /// The file's text.
-    pub text: String,
-    /// What was lost, in sentences; also in the text where the format has comments.
-    pub losses: Vec<String>,
-}
-
-/// A format has no such lens.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{format} has no {lens} lens")]
-pub struct ExportError {
-    /// The lens.
-    pub lens: &'static str,
-    /// The format.
-    pub format: &'static str,
-}
-
-/// Says that the skew is lost, and by how much it moves pixels at the frame's upper and lower border.
-fn skew_loss(camera: &Camera, what: &str) -> String {
-    let [_, fy, skew, _, cy, ..] = camera.lens.interior();
-    let farthest = cy.abs().max((f64::from(camera.height) - 1.0 - cy).abs());
-    format!("{what}: {skew:.4} px, which moves columns by up to {:.2} px", (skew * farthest / fy).abs())
-}
-
-/// Our format, key by key; which lens terms there are depends on the model.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraFile {
-    format: String,
-    version: u32,
-    model: String,
-    pixel_origin: String,
-    image_width_px: u32,
-    image_height_px: u32,
-    fx_px: f64,
-    fy_px: f64,
-    skew_px: f64,
-    cx_px: f64,
-    cy_px: f64,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    k1: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    k2: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    p1: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    p2: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    k3: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    k4: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    k5: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    k6: Option<f64>,
-    /// Rows and columns in the order of `covariance_order`; null when not known.
-    covariance: Option<Vec<Vec<f64>>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    covariance_order: Option<Vec<String>>,
-    /// Where the numbers come from; free form, for readers.
-    #[serde(default)]
-    source: serde_json::Value,
-}
-
-impl CameraFile {
-    /// The value of a parameter by its name; `None` when the file does not hold it.
-    fn parameter(&self, name: &str) -> Option<f64> {
-        match name {
-            "fx_px" => Some(self.fx_px),
-            "fy_px" => Some(self.fy_px),
-            "skew_px" => Some(self.skew_px),
-            "cx_px" => Some(self.cx_px),
-            "cy_px" => Some(self.cy_px),
-            "k1" => self.k1,
-            "k2" => self.k2,
-            "p1" => self.p1,
-            "p2" => self.p2,
-            "k3" => self.k3,
-            "k4" => self.k4,
-            "k5" => self.k5,
-            "k6" => self.k6,
-            _ => None,
-        }
-    }
-}
-
-/// The camera in our format, ending in a line feed.
-///
-/// - `source`: where the numbers come from, for readers; any JSON.
-#[must_use]
-pub fn camera_json(camera: &Camera, source: serde_json::Value) -> String {
-    let names = camera.lens.names();
-    let interior = camera.lens.interior();
-    let term = |name: &str| names.iter().position(|n| *n == name).map(|k| interior[k]);
-    let [fx_px, fy_px, skew_px, cx_px, cy_px, ..] = interior;
-    let count = names.len();
-    let covariance: Option<Vec<Vec<f64>>> = camera
-        .covariance
-        .map(|matrix| (0..count).map(|i| (0..count).map(|j| matrix[(i, j)]).collect()).collect());
-    let covariance_order =
-        covariance.is_some().then(|| names.iter().map(|name| (*name).to_owned()).collect());
-    let file = CameraFile {
-        format: FORMAT.to_owned(),
-        version: VERSION,
-        model: camera.lens.kind().word().to_owned(),
-        pixel_origin: PIXEL_ORIGIN.to_owned(),
-        image_width_px: camera.width,
-        image_height_px: camera.height,
-        fx_px,
-        fy_px,
-        skew_px,
-        cx_px,
-        cy_px,
-        k1: term("k1"),
-        k2: term("k2"),
-        p1: term("p1"),
-        p2: term("p2"),
-        k3: term("k3"),
-        k4: term("k4"),
-        k5: term("k5"),
-        k6: term("k6"),
-        covariance,
-        covariance_order,
-        source,
-    };
-    let mut text = serde_json::to_string_pretty(&file).unwrap_or_default();
-    text.push('\n');
-    text
-}
-
-/// Reads a camera file of either format, recognised by its content.
+/// Reads the camera of a file that holds one, of any of the formats, recognised by its content.
 ///
 /// # Errors
-/// [`InputError`]: unreadable, of no known format, a key missing or unknown, a number that is no camera's, or
-/// a lens this program has no model for.
+/// [`InputError`]: unreadable, of no known format, a key missing or unknown, a number that is no camera's, a lens
+/// this program has no model for, or several cameras.
 pub fn read_camera(file: &Path) -> Result<Camera, InputError> {
+    read_chosen_camera(file, &CameraChoice::default())
+}
+
+/// Reads a camera of a file of any of the formats, recognised by its content.
+///
+/// # Errors
+/// As [`read_camera`]; and the choice does not fit the file.
+pub fn read_chosen_camera(file: &Path, choice: &CameraChoice) -> Result<Camera, InputError> {
     let text = std::fs::read_to_string(file).map_err(|error| match error.kind() {
         std::io::ErrorKind::InvalidData => {
-            InputError::new(file, "is not UTF-8 text, so it is no camera file")
-                .help("give a boresight camera.json or an OpenCV YAML file")
+            InputError::new(file, "is not UTF-8 text, so it is no camera file").help(KNOWN)
         }
         _ => InputError::new(file, format!("cannot be read ({error})")),
     })?;
-    camera_from_text(file, &text)
+    camera_from_text(file, &text, choice)
 }
 
-/// The camera in the text of a file of either format; `file` is for messages.
+const KNOWN: &str = "give a camera.json that `boresight run` wrote, an OpenCV or ROS YAML file with camera_matrix and \
+                     distortion_coefficients, a Kalibr camchain, an ODM cameras.json, an orthority YAML file with \
+                     im_size, a Metashape calibration XML, a Pix4D .cam, a COLMAP cameras.txt or DJI DewarpData";
+
+/// The camera in the text of a file of any of the formats; `file` is for messages.
 ///
 /// # Errors
-/// As [`read_camera`].
-pub fn camera_from_text(file: &Path, text: &str) -> Result<Camera, InputError> {
+/// As [`read_chosen_camera`].
+pub fn camera_from_text(file: &Path, text: &str, choice: &CameraChoice) -> Result<Camera, InputError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    if text.trim_start().starts_with('{') {
-        from_json(file, text)
-    } else if text.trim_start().starts_with("%YAML") || text.contains("camera_matrix") {
-        opencv::from_text(file, text)
+    let start = text.trim_start();
+    let has_key = |key: &str| text.lines().any(|line| line.trim_start().starts_with(key));
+    if start.starts_with(['{', '[']) {
+        let read = if opensfm::is_it(text) { opensfm::from_text } else { own::from_text };
+        read(file, text, choice)
+    } else if start.starts_with('<') {
+        metashape::from_text(file, text, choice)
+    } else if start.starts_with(pix4d::FIRST_WORDS) {
+        pix4d::from_text(file, text, choice)
+    } else if start.starts_with(pix4d::OTHER_FILE) {
+        Err(pix4d::refuse_other_file(file))
+    } else if start.starts_with("%YAML") || text.contains("camera_matrix") {
+        opencv::from_text(file, text, choice)
+    } else if has_key("im_size:") {
+        orthority::from_text(file, text, choice)
+    } else if has_key("camera_model:") || has_key("intrinsics:") {
+        kalibr::from_text(file, text, choice)
+    } else if colmap::is_it(text) {
+        colmap::from_text(file, text, choice)
+    } else if dji::is_it(text) {
+        camera_from_dewarp_data(file, text, choice)
     } else {
-        Err(InputError::new(file, "is neither a boresight camera (JSON) nor an OpenCV camera (YAML)")
-            .help("give a camera.json that `boresight run` wrote, or a YAML file with camera_matrix and distortion_coefficients"))
+        Err(InputError::new(file, "is no camera file of a known format").help(KNOWN))
     }
 }
 
-fn from_json(file: &Path, text: &str) -> Result<Camera, InputError> {
-    /// What says whether the rest can be understood at all.
-    #[derive(Deserialize)]
-    struct Kind {
-        format: Option<String>,
-        version: Option<u32>,
-        model: Option<String>,
-        pixel_origin: Option<String>,
-    }
-    let malformed = |error: serde_json::Error| {
-        InputError::new(file, format!("is no camera file: {error}")).line(error.line() as u64)
-    };
-    let kind: Kind = serde_json::from_str(text).map_err(malformed)?;
-    let expect = |key: &str, found: Option<String>, expected: &str| match found {
-        Some(found) if found == expected => Ok(()),
-        Some(found) => Err(InputError::new(file, format!("`{key}` is \"{found}\", not \"{expected}\""))),
-        None => Err(InputError::new(file, format!("`{key}` is missing; it must be \"{expected}\""))),
-    };
-    expect("format", kind.format, FORMAT)?;
-    match kind.version {
-        Some(VERSION) => {}
-        Some(other) => {
-            return Err(InputError::new(file, format!("`version` is {other}; this program reads {VERSION}"))
-                .help("use the version of boresight that wrote it, or calibrate again"));
+/// What YAML says, with the place where it says something else.
+fn yaml<T: serde::de::DeserializeOwned>(file: &Path, text: &str, what: &str) -> Result<T, InputError> {
+    // OpenCV's first line is not legal YAML; lines are kept so that places stay right.
+    let legal: String = text
+        .lines()
+        .map(|line| if line.starts_with("%YAML") { "" } else { line })
+        .flat_map(|line| [line, "\n"])
+        .collect();
+    serde_saphyr::from_str(&legal).map_err(|error| {
+        let refused = InputError::new(file, format!("is no {what} file: {}", error.without_snippet()));
+        match error.location() {
+            Some(location) => refused.line(location.line()),
+            None => refused,
         }
-        None => return Err(InputError::new(file, format!("`version` is missing; it must be {VERSION}"))),
-    }
-    let model = LensKind::ALL.into_iter().find(|model| kind.model.as_deref() == Some(model.word()));
-    let Some(model) = model else {
-        let known = LensKind::ALL.map(LensKind::word).join(", ");
-        let found = kind.model.map_or("missing".to_owned(), |found| format!("\"{found}\""));
-        return Err(InputError::new(file, format!("`model` is {found}; this program knows {known}")));
-    };
-    expect("pixel_origin", kind.pixel_origin, PIXEL_ORIGIN)?;
-    let f: CameraFile = serde_json::from_str(text).map_err(malformed)?;
-    let names = model.names();
-    if f.covariance_order.as_ref().is_some_and(|order| order != names) {
-        return Err(InputError::new(file, format!("`covariance_order` must be {}", names.join(", "))));
-    }
-    if let Some(alien) = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]
-        .into_iter()
-        .find(|name| f.parameter(name).is_some() && !names.contains(name))
-    {
-        return Err(InputError::new(file, format!("`{alien}` is no parameter of a {} lens", model.word())));
-    }
+    })
+}
+
+/// A name as a double-quoted text of JSON and YAML.
+fn quoted(name: &str) -> String {
+    serde_json::Value::from(name).to_string()
+}
+
+/// fx, fy, skew, cx, cy and the lens terms, as many as there are; zeros after them.
+fn interior(affine: [f64; 5], terms: &[f64]) -> Interior {
     let mut interior = [0.0; MAX_INTERIOR];
-    for (value, name) in interior.iter_mut().zip(names) {
-        *value =
-            f.parameter(name).ok_or_else(|| InputError::new(file, format!("`{name}` is missing or null")))?;
+    for (value, given) in interior.iter_mut().zip(affine.iter().chain(terms)) {
+        *value = *given;
     }
-    let covariance = f.covariance.map(|rows| covariance(file, names, &rows)).transpose()?;
-    camera(file, model, interior, f.image_width_px, f.image_height_px, covariance)
-}
-
-fn covariance(file: &Path, names: &[&str], rows: &[Vec<f64>]) -> Result<InteriorCovariance, InputError> {
-    let failed = |cause: String| InputError::new(file, format!("`covariance` {cause}"));
-    let count = names.len();
-    if rows.len() != count || rows.iter().any(|row| row.len() != count) {
-        return Err(failed(format!("must have {count} rows of {count} numbers, it has {} rows", rows.len())));
-    }
-    let element = |i: usize, j: usize| rows.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
-    let matrix = InteriorCovariance::from_fn(element);
-    for (i, name) in names.iter().enumerate() {
-        if !matrix.row(i).iter().all(|v| v.is_finite()) || matrix[(i, i)] < 0.0 {
-            return Err(failed(format!("gives {name} the variance {}", matrix[(i, i)])));
-        }
-        for (j, other) in names.iter().enumerate().take(i) {
-            let (a, b) = (matrix[(i, j)], matrix[(j, i)]);
-            let bound = (matrix[(i, i)] * matrix[(j, j)]).sqrt();
-            if (a - b).abs() > 1e-9 * bound {
-                return Err(failed(format!("is not symmetric for {other} and {name}")));
-            }
-            if a.abs() > bound * (1.0 + 1e-9) {
-                return Err(failed(format!(
-                    "gives {other} and {name} a correlation of {}, beyond ±1",
-                    a / bound
-                )));
-            }
-        }
-    }
-    Ok(matrix)
+    interior
 }
 
 fn camera(
@@ -288,5 +152,9 @@ fn camera(
         .map_err(|error| InputError::new(file, error.to_string()))
 }
 
+#[cfg(test)]
+mod golden;
+#[cfg(test)]
+mod round_trips;
 #[cfg(test)]
 mod tests;

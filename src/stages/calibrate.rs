@@ -17,9 +17,7 @@ use crate::camera::{Camera, ImagePoint, Invertibility, PixelRotation};
 use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};
 use crate::config::{Config, Located};
 use crate::formats::InputError;
-use crate::formats::camera::{
-    Exported, camera_json, camera_opencv_yaml, camera_opensfm_json, camera_ros_yaml, read_camera,
-};
+use crate::formats::camera::{CameraFormat, Exported, camera_json, export, read_camera};
 use crate::formats::corners::read_pairs;
 use crate::report::calibration::ChoiceNumbers;
 use model::{Fitted, fit};
@@ -191,15 +189,13 @@ fn write_exports(config: &Config, camera: &Camera, context: &RunContext) -> Resu
         }
         context.write_product(file, exported.text.as_bytes())
     };
-    write("camera-opencv.yaml", camera_opencv_yaml(camera))?;
-    write("camera-ros.yaml", camera_ros_yaml(camera, &name))?;
-    match camera_opensfm_json(camera, &name) {
-        Ok(exported) => write("cameras.json", exported).map(|_| ()),
-        Err(error) => {
-            tracing::info!("no cameras.json for ODM: {error}");
-            Ok(())
+    for format in [CameraFormat::OpenCv, CameraFormat::Ros, CameraFormat::OpenSfm] {
+        match export(camera, format, &name) {
+            Ok(exported) => write(format.file_name(), exported).map(|_| ())?,
+            Err(error) => tracing::info!("no {}: {error}", format.file_name()),
         }
     }
+    Ok(())
 }
 
 impl Calibrated {
