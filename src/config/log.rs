@@ -59,6 +59,20 @@ pub struct LogSpec {
     /// What the three angles of a file are that does not say so itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angles: Option<Located<AngleSystem>>,
+    /// Their unit, where the file does not say so. Default "deg".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle_unit: Option<Located<AngleUnit>>,
+    /// With "geoinfo" and "orientation": the columns in their order, for a file without a header: "image", "latitude",
+    /// "longitude", "x", "y", "altitude", "omega", "phi", "kappa", "yaw", "pitch", "roll"; "-" for one that is not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column_order: Option<Located<Vec<String>>>,
+    /// With "orientation": Pix4D's offset file (..._offset.xyz), when positions were written less that offset. With
+    /// "opensfm": OpenDroneMap's odm_georeferencing/coords.txt, when the reconstruction is on a map grid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset_file: Option<Located<PathBuf>>,
+    /// With "opensfm": reference_lla.json, for a reconstruction without a reference of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_file: Option<Located<PathBuf>>,
     /// With "table": its columns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub columns: Option<Located<ColumnsSpec>>,
@@ -135,12 +149,27 @@ impl LogFormat {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AngleSystem {
-    /// Yaw, pitch, roll of the camera: all zero is a level photo with its top to the north.
-    YawPitchRoll,
+    /// Yaw, pitch, roll of the camera: all zero looks straight down with the image's top to the north, pitch +90° looks at
+    /// the horizon (Pix4D, Metashape, OpenDroneMap, orthority).
+    CameraYawPitchRoll,
+    /// Yaw, pitch, roll of the UAV: all zero is level flight to the north.
+    BodyYawPitchRoll,
     /// Omega, phi, kappa: Rx(ω)·Ry(φ)·Rz(κ), camera x right, y up, z back, to the map grid.
     OmegaPhiKappa,
     /// Phi, omega, kappa: Ry(φ)·Rx(ω)·Rz(κ), as Inpho writes them.
     PhiOmegaKappa,
+}
+
+/// The unit of a file's angles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AngleUnit {
+    /// 360 to a turn.
+    Deg,
+    /// 400 to a turn.
+    Gon,
+    /// 2π to a turn.
+    Rad,
 }
 
 /// How a frame finds its pose in the log.
@@ -227,9 +256,24 @@ pub enum LogSource {
         file: Located<PathBuf>,
         /// Its format.
         format: LogFormat,
-        /// What three angles are, where the file does not say so.
-        angles: Option<AngleSystem>,
+        /// What is declared because the file does not say it.
+        stated: Box<StatedOfFile>,
     },
+}
+
+/// What the pipeline file states about a log that does not state it itself.
+#[derive(Debug, Clone)]
+pub struct StatedOfFile {
+    /// What three angles are.
+    pub angles: Option<AngleSystem>,
+    /// Their unit.
+    pub angle_unit: AngleUnit,
+    /// The columns in their order.
+    pub column_order: Option<Located<Vec<String>>>,
+    /// Pix4D's offset, or OpenDroneMap's coords.txt.
+    pub offset_file: Option<Located<PathBuf>>,
+    /// OpenSfM's reference_lla.json.
+    pub reference_file: Option<Located<PathBuf>>,
 }
 
 impl Log {
@@ -361,6 +405,15 @@ pub(super) fn resolve(
     })
 }
 
+/// Refuses what only a log that says itself what it holds needs stated.
+fn nothing_of_a_file(spec: &LogSpec, because: &str, resolver: &Resolver) -> Result<(), ConfigError> {
+    resolver.unused(&spec.angles, "angles", because)?;
+    resolver.unused(&spec.angle_unit, "angle_unit", because)?;
+    resolver.unused(&spec.column_order, "column_order", because)?;
+    resolver.unused(&spec.offset_file, "offset_file", because)?;
+    resolver.unused(&spec.reference_file, "reference_file", because)
+}
+
 /// How frames find their pose: as written, or as the format has it.
 fn join_kind(
     spec: &mut Located<LogSpec>,
@@ -407,7 +460,7 @@ fn source(
     if format.value == LogFormat::Table {
         resolver.unused(&spec.height_datum, "height_datum", "the table's height column states its datum")?;
         resolver.unused(&spec.heading, "heading", "the table's yaw column states its sense")?;
-        resolver.unused(&spec.angles, "angles", "the table's columns name its angles")?;
+        nothing_of_a_file(spec, "the table's columns are declared", resolver)?;
         let file = spec.file.as_ref().ok_or_else(|| needs("file", "`file = \"log.csv\"`", spec))?;
         let file = resolver.path(file)?;
         let delimiter = delimiter(&mut spec.value.delimiter, resolver)?;
@@ -446,20 +499,36 @@ fn source(
             "file",
             "the photos themselves hold the poses (`format = \"photos\"`)",
         )?;
-        resolver.unused(&spec.angles, "angles", &is)?;
+        nothing_of_a_file(spec, &is, resolver)?;
         resolver.unused(&spec.position_crs, "position_crs", "photos state latitude and longitude")?;
         return Ok(LogSource::Photos);
     }
-    let states_angles =
-        matches!(format.value, LogFormat::Geoinfo | LogFormat::OdmGeo | LogFormat::Orientation);
-    if !states_angles {
+    let tabular = matches!(format.value, LogFormat::Geoinfo | LogFormat::OdmGeo | LogFormat::Orientation);
+    if !tabular {
         resolver.unused(&spec.angles, "angles", &is)?;
+        resolver.unused(&spec.angle_unit, "angle_unit", &is)?;
+    }
+    if !matches!(format.value, LogFormat::Geoinfo | LogFormat::Orientation) {
+        resolver.unused(&spec.column_order, "column_order", &is)?;
+    }
+    if !matches!(format.value, LogFormat::Orientation | LogFormat::Opensfm) {
+        resolver.unused(&spec.offset_file, "offset_file", &is)?;
+    }
+    if format.value != LogFormat::Opensfm {
+        resolver.unused(&spec.reference_file, "reference_file", &is)?;
     }
     let file = spec.file.as_ref().ok_or_else(|| needs("file", "`file = \"...\"`", spec))?;
+    let path = |file: &Option<Located<PathBuf>>| file.as_ref().map(|file| resolver.path(file)).transpose();
     Ok(LogSource::File {
         file: resolver.path(file)?,
         format: format.value,
-        angles: spec.angles.as_ref().map(|angles| angles.value),
+        stated: Box::new(StatedOfFile {
+            angles: spec.angles.as_ref().map(|angles| angles.value),
+            angle_unit: spec.angle_unit.as_ref().map_or(AngleUnit::Deg, |unit| unit.value),
+            column_order: spec.column_order.clone(),
+            offset_file: path(&spec.offset_file)?,
+            reference_file: path(&spec.reference_file)?,
+        }),
     })
 }
 

@@ -475,7 +475,8 @@ fn other_logs_say_themselves_what_they_hold() {
     assert!(matches!(photos.join, Join::Name) && photos.file().is_none());
     assert_eq!(photos.height_datum, Some(HeightDatum::Egm2008));
     let geo = log("format = \"odm_geo\"\nfile = \"geo.txt\"\nangles = \"omega_phi_kappa\"");
-    assert!(matches!(geo.source, LogSource::File { angles: Some(AngleSystem::OmegaPhiKappa), .. }));
+    let LogSource::File { stated, .. } = geo.source else { panic!("file") };
+    assert_eq!(stated.angles, Some(AngleSystem::OmegaPhiKappa));
 
     let refused = |lines: &str, place: &str, cause: &str, help: &str| {
         assert_refused(&with_log(lines), place, cause, help);
@@ -485,7 +486,13 @@ fn other_logs_say_themselves_what_they_hold() {
     refused("format = \"sbet\"\nfile = \"a\"\njoin = \"name\"", "join", "names no frames", "match");
     refused("format = \"odm_geo\"\nfile = \"a\"\njoin = \"time\"", "join", "names its frames", "remove");
     refused("format = \"px4\"\nfile = \"a\"\ndelimiter = \";\"", "delimiter", "would not be used", "");
-    refused("format = \"px4\"\nfile = \"a\"\nangles = \"yaw_pitch_roll\"", "angles", "would not be used", "");
+    refused(
+        "format = \"px4\"\nfile = \"a\"\nangles = \"camera_yaw_pitch_roll\"",
+        "angles",
+        "would not be used",
+        "",
+    );
+    refused("format = \"sbet\"\nfile = \"a\"\noffset_file = \"b\"", "offset_file", "would not be used", "");
     refused(
         "format = \"photos\"\nheight_datum = \"above_takeoff\"",
         "height_datum",

@@ -44,9 +44,11 @@ pub(super) fn log(
 ) -> Result<FlightLog, InputError> {
     match &declared.log.source {
         LogSource::Table(table) => read_table(table, &declared.log.join, &declared.mount),
-        LogSource::File { file, format, angles } => {
+        LogSource::File { file, format, stated } => {
             let crs = declared.log.crs.as_ref().map(|crs| crs.value.as_str());
-            read_file(file, *format, *angles, crs).map_err(|e| e.caused_by(file))
+            let log = read_file(file, *format, stated, crs, declared.log.height_datum);
+            // What the declaration is to blame for points there already.
+            log.map_err(|e| if e.span.is_some() { e } else { e.caused_by(file) })
         }
         LogSource::Photos => {
             let readable = images.iter().zip(photos);
