@@ -10,7 +10,7 @@
 //!
 //! | tags | position | height, and what it is taken for | attitude |
 //! |---|---|---|---|
-//! | EXIF alone | `GPSLatitude`, `GPSLongitude` | `GPSAltitude`; `GPSAltitudeRef` 0 and 1: above and below sea level (EXIF 2; EXIF 3 redefined them as ellipsoidal, which few cameras follow), 2 and 3: above and below sea level explicitly | none |
+//! | EXIF alone | `GPSLatitude`, `GPSLongitude` | `GPSAltitude`; `GPSAltitudeRef` 0 and 1: above and below sea level (EGM96) in EXIF 2, the ellipsoid in EXIF 3 (by `ExifVersion`); 2 and 3: above and below sea level | none |
 //! | DJI, and Autel's newer firmware (`drone-dji`) | `GpsLatitude`, `GpsLongitude` (also `GpsLongtitude`), `Latitude`, `Longitude` | `AbsoluteAltitude`; `AltitudeType` RtkAlt, or without that tag an `RtkFlag` above 0: ellipsoid; else sea level (EGM96), an assumption. EXIF's height instead when it is the same with more digits | gimbal: `GimbalYaw/Pitch/RollDegree` from north and the horizon, Z-Y-X, pitch -90° at nadir; UAV: `FlightYaw/Pitch/RollDegree` |
 //! | senseFly autopilot (`sensefly`) | `Latitude`, `Longitude` | `AltitudeAMSL`: sea level (EGM96) | UAV: `Heading`, `PitchAngle`, `RollAngle`; `Heading` is the course when the tags say so |
 //! | Pix4D's `Camera` (Sequoia, S.O.D.A., MicaSense, Autel's older firmware) | EXIF | EXIF | camera: `Yaw`, `Pitch`, `Roll`, all zero at nadir with the image's top to the north, pitch +90° at the horizon |

@@ -62,7 +62,7 @@ fn position(draft: &mut Draft) {
         }
     }
     draft.height = height(draft);
-    if let Some(relative) = draft.number(Dji, "RelativeAltitude") {
+    if let Some(relative) = draft.metres(Dji, "RelativeAltitude") {
         draft.out.exposure.height_above_takeoff_m = Some(relative);
         draft.origin(
             "height above take-off",

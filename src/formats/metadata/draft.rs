@@ -100,6 +100,12 @@ impl Draft {
         self.or_warn(&format!("{}:{name}", namespace.prefix()), parsed)
     }
 
+    /// A tag's height or distance, metres; one that no aircraft has is reported and counts as absent.
+    pub(super) fn metres(&mut self, namespace: Namespace, name: &str) -> Option<f64> {
+        let judged = plausible_height(self.number(namespace, name)?);
+        self.or_warn(&format!("{}:{name}", namespace.prefix()), judged)
+    }
+
     /// The value, or a finding that names the tag.
     pub(super) fn or_warn<T>(&mut self, tag: &str, value: Result<T, String>) -> Option<T> {
         match value {
@@ -202,16 +208,24 @@ impl Draft {
     /// EXIF's height by the standard's own words.
     pub(super) fn exif_height(&self) -> Option<Height> {
         let height = self.exif.gps_height?;
-        let meaning = match height.reference {
-            2 | 3 => "above sea level, as GPSAltitudeRef 2 or 3 says; the geoid is taken for EGM96",
-            _ => {
-                "above sea level (EGM96), as EXIF 2 has it; EXIF 3 and some makers mean the ellipsoid: declare the \
-                 height's kind if the ground disagrees"
+        let (kind, meaning) = match height.reference {
+            Some(2 | 3) => {
+                (SEA_LEVEL, "above sea level, as GPSAltitudeRef 2 or 3 says; the geoid is taken for EGM96")
             }
+            Some(0 | 1) if self.exif.is_version_3 => (
+                HeightKind::Ellipsoid,
+                "above the ellipsoid, as EXIF 3 defines GPSAltitudeRef 0 and 1: declare the height's kind if the \
+                 ground disagrees",
+            ),
+            _ => (
+                SEA_LEVEL,
+                "above sea level (EGM96), as EXIF 2 has it; EXIF 3 and some makers mean the ellipsoid: declare the \
+                 height's kind if the ground disagrees",
+            ),
         };
         Some(Height {
             metres: height.metres,
-            kind: SEA_LEVEL,
+            kind,
             from: "EXIF GPSAltitude, metres".to_owned(),
             meaning: meaning.to_owned(),
         })
@@ -248,8 +262,9 @@ impl Draft {
     fn position(&mut self) -> Result<LoggedPosition, String> {
         let place = self.place.take();
         let height = self.height.take();
-        let problem = self.place_problem.take().or_else(|| self.exif.position_problem.take());
+        let problem = self.exif.position_problem.take();
         let Some(place) = place else {
+            let problem = self.place_problem.take().or(problem);
             let absent = || "neither EXIF nor XMP holds a latitude and longitude".to_owned();
             return Err(problem.unwrap_or_else(absent));
         };

@@ -32,6 +32,8 @@ pub(super) struct ExifTags {
     /// Direction of travel, degrees, and its reference.
     pub track_deg: Option<(f64, bool)>,
     pub void_fix: bool,
+    /// True when the block claims EXIF 3.0 or later.
+    pub is_version_3: bool,
     /// Why a position that is there cannot be used.
     pub position_problem: Option<String>,
     pub findings: Vec<Finding>,
@@ -42,8 +44,8 @@ pub(super) struct ExifTags {
 pub(super) struct GpsHeight {
     /// Metres, sign applied.
     pub metres: f64,
-    /// `GPSAltitudeRef`, or 0 when it is absent.
-    pub reference: u32,
+    /// `GPSAltitudeRef`.
+    pub reference: Option<u32>,
 }
 
 /// Reads the tags out of a TIFF structure. What cannot be read is a finding.
@@ -93,6 +95,7 @@ fn fill(exif: &Exif, tags: &mut ExifTags) {
         Some(_) => None,
     };
     tags.focal_plane_px_mm = x.zip(per_unit).map(|(x, unit)| [x / unit, y.unwrap_or(x) / unit]);
+    tags.is_version_3 = text(exif, Tag::ExifVersion).is_some_and(|v| v.as_str() >= "0300" && v.len() == 4);
     times(exif, tags);
     gps(exif, tags);
 }
@@ -141,8 +144,7 @@ fn gps(exif: &Exif, tags: &mut ExifTags) {
         None => None,
     };
     tags.gps_height = real(exif, Tag::GPSAltitude, "GPSAltitude", found).map(|metres| {
-        let reference = reference.unwrap_or(0);
-        let below = matches!(reference, 1 | 3);
+        let below = matches!(reference, Some(1 | 3));
         GpsHeight { metres: if below { -metres } else { metres }, reference }
     });
     tags.position_problem = found.get(before).map(|f| f.text.clone());

@@ -18,7 +18,7 @@ pub(super) fn skydio(draft: &mut Draft) {
     }
     draft.take_place(Skydio, "Latitude", "Longitude");
     skydio_height(draft);
-    if let Some(height) = draft.number(Skydio, "RelativeAltitude") {
+    if let Some(height) = draft.metres(Skydio, "RelativeAltitude") {
         draft.out.exposure.height_above_takeoff_m = Some(height);
         draft.origin(
             "height above take-off",

@@ -2,6 +2,7 @@
 
 use super::draft::Draft;
 use super::values::{numbers, quoted};
+use crate::camera::{Brown, Camera};
 
 /// Diagonal of the 35 mm film frame, millimetres.
 const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
@@ -90,6 +91,32 @@ impl Dewarp {
             distortion: [k1, k2, p1, p2, k3],
             applied: None,
         })
+    }
+
+    /// The camera of the stored pixels: `stored` columns and rows, of a photo that the camera wrote with `written`
+    /// ones. Offsets from the middle scale with the size; the middle of w columns is (w - 1) / 2.
+    ///
+    /// # Errors
+    /// Words when the pixels are corrected already (which principal point they have then is not documented), when the
+    /// photo was cropped, or when the lens is none.
+    pub fn camera(&self, stored: (u32, u32), written: Option<(u32, u32)>) -> Result<Camera, String> {
+        if self.applied == Some(true) {
+            return Err("DewarpFlag is 1: the stored pixels are corrected already".to_owned());
+        }
+        let ((w, h), (ew, eh)) = (stored, written.unwrap_or(stored));
+        let s = f64::from(w) / f64::from(ew);
+        // Sizes of zero make this NaN or infinite.
+        let same_shape = (f64::from(h) / f64::from(eh) / s - 1.0).abs() < 0.01;
+        if !same_shape {
+            return Err(format!(
+                "the camera wrote {ew} x {eh} pixels, the file holds {w} x {h}, of another shape"
+            ));
+        }
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let cx = 0.5 * (f64::from(w) - 1.0) + s * self.cx_from_middle;
+        let cy = 0.5 * (f64::from(h) - 1.0) + s * self.cy_from_middle;
+        let lens = Brown::new([s * self.fx, s * self.fy, 0.0, cx, cy, k1, k2, p1, p2, k3]);
+        lens.and_then(|lens| Camera::new(lens, w, h, None)).map_err(|e| e.to_string())
     }
 }
 

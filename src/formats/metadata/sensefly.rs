@@ -39,7 +39,7 @@ fn height(draft: &mut Draft) {
             draft.origin("height by GPS", "sensefly:AltitudeWGS84, metres", said);
         }
     }
-    if let Some(metres) = draft.number(SenseflyFlight, "Height") {
+    if let Some(metres) = draft.metres(SenseflyFlight, "Height") {
         draft.out.exposure.height_above_takeoff_m = Some(metres);
         draft.origin("height above take-off", "sensefly:Height, metres", "above the take-off point");
     }

@@ -12,6 +12,8 @@ use std::io::{self, Read, Seek, SeekFrom};
 const MOST_TAGS: u16 = 2048;
 /// No tag that is read here needs more bytes than this, XMP aside.
 const LARGEST_VALUE: u64 = 4096;
+/// Values of one directory together, XMP aside: entries may share bytes, so the file's size bounds nothing.
+const LARGEST_DIRECTORY: u64 = 1 << 20;
 
 const EXIF_DIRECTORY: u16 = 0x8769;
 const GPS_DIRECTORY: u16 = 0x8825;
@@ -119,6 +121,7 @@ fn directory<S: Read + Seek>(
     }
     let table = payload(source, 12 * u64::from(count)).map_err(cut)?;
     let mut entries = Vec::new();
+    let mut spent = 0;
     for raw in table.chunks_exact(12) {
         let [t1, t0, k1, k0, c3, c2, c1, c0, v3, v2, v1, v0] = *raw else { continue };
         let inline = [v3, v2, v1, v0];
@@ -126,8 +129,16 @@ fn directory<S: Read + Seek>(
         let count = order.u32([c3, c2, c1, c0]);
         let length = unit(kind) * u64::from(count);
         let limit = if tag == XMP { LARGEST_BLOCK } else { LARGEST_VALUE };
-        if length == 0 || length > limit || tag == MAKER_NOTE {
+        if length == 0 || length > limit || tag == MAKER_NOTE || (tag == XMP && found.xmp.is_some()) {
             continue;
+        }
+        if tag != XMP {
+            spent += length;
+        }
+        if spent > LARGEST_DIRECTORY {
+            return Err(ReadError::new(format!(
+                "a TIFF directory holds more than {LARGEST_DIRECTORY} bytes of values"
+            )));
         }
         let value = if length <= 4 {
             inline.into_iter().take(usize::try_from(length).unwrap_or(4)).collect()

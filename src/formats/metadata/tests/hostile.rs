@@ -178,6 +178,18 @@ fn bombs_cost_nothing() {
         assert!(finds(&photo, Severity::Warning, "the XMP packet is not used"));
         assert!(photo.exposure.position.is_some());
     }
+    // Tags that share their bytes: two thousand XMP packets of a megabyte, two thousand texts.
+    for (tag, kind, size) in [(700u16, 1, 1_000_000), (0x10E, 2, 4096)] {
+        let mut shared = [&b"MM\0\x2a\0\0\0\x08"[..], &2000u16.to_be_bytes()].concat();
+        for _ in 0..2000 {
+            shared.extend(
+                [&tag.to_be_bytes()[..], &[0, kind], &u32::to_be_bytes(size), &[0, 0, 0, 8]].concat(),
+            );
+        }
+        shared.resize(1_100_000, b' ');
+        let read = read(&mut Cursor::new(&shared));
+        assert_eq!(read.is_err(), tag == 0x10E);
+    }
     // Directories that point at themselves, and tags that claim four thousand million values.
     let mut looped = Exif::default().with_gps().bytes();
     looped[8..10].copy_from_slice(&0xFFFFu16.to_be_bytes());

@@ -6,7 +6,7 @@ use super::build::{Exif, attributes, elements, finds, jpeg, origin, packet, pars
 use crate::formats::flight::{Clock, LoggedAttitude, LoggedPosition, North};
 use crate::formats::metadata::{PhotoMetadata, Severity, TurnEvidence, flight_log, normalised_gimbal};
 use crate::geodesy::{GeoidModel, HeightKind};
-use crate::geometry::{Camera, Gimbal, Ned, Rotation};
+use crate::geometry::{Camera, Displacement, Gimbal, Ned, Rotation};
 use crate::navigation::{GimbalAngles, GimbalReference, Mount};
 use crate::units::{Radians, Seconds};
 use proptest::prelude::*;
@@ -120,6 +120,26 @@ fn dji_with(changes: &[(&str, &str)]) -> PhotoMetadata {
     let kept = DJI_RTK.iter().filter(|(name, _)| !changes.iter().any(|(n, _)| n == name));
     let list: Vec<_> = kept.chain(changes.iter().filter(|(_, v)| !v.is_empty())).copied().collect();
     parse(&jpeg(None, Some(&attributes(DJI, &list)), (5280, 3956)))
+}
+
+#[test]
+fn dewarp_data_is_opencv_s_lens_about_the_middle() {
+    // Computed outside this program by OpenCV's formula, pixel (0, 0) being the middle of the first.
+    let photo = dji_with(&[]);
+    let dewarp = photo.optics.dewarp.unwrap();
+    let ray = Displacement::new(0.2, -0.15, 1.0);
+    for (stored, column, row) in [
+        ((5280, 3956), 3384.0100884587428, 1416.1162548474279),
+        ((2640, 1978), 1691.7550442293714, 707.8081274237139),
+    ] {
+        let camera = dewarp.camera(stored, Some((5280, 3956))).unwrap();
+        let pixel = camera.pixel_from_ray(ray).unwrap();
+        assert!((pixel.column - column).abs() < 1e-9 && (pixel.row - row).abs() < 1e-9, "{pixel:?}");
+    }
+    assert!(dewarp.camera((5280, 2970), Some((5280, 3956))).unwrap_err().contains("another shape"));
+    assert!(dewarp.camera((5280, 3956), Some((0, 0))).is_err());
+    let corrected = dji_with(&[("DewarpFlag", "1")]).optics.dewarp.unwrap();
+    assert!(corrected.camera((5280, 3956), None).unwrap_err().contains("corrected already"));
 }
 
 #[test]
@@ -411,18 +431,23 @@ fn skydio_s_structures() {
 
 #[test]
 fn exif_alone_with_its_altitude_references() {
-    let with_reference = |reference: u8| {
+    let with_reference = |reference: u8, version: &[u8; 4]| {
         let exif = Exif::default()
             .text(1, "S")
             .rationals(2, &[(41, 1), (65, 10), (0, 1)])
             .text(3, "E")
             .rationals(4, &[(3, 1), (0, 1), (0, 1)])
             .byte(5, reference)
+            .raw(0x9000, 7, version.to_vec())
             .rationals(6, &[(25, 2)]);
         parse(&jpeg(Some(&exif), None, (100, 80)))
     };
     for (reference, height) in [(0, 12.5), (1, -12.5), (2, 12.5), (3, -12.5)] {
-        let photo = with_reference(reference);
+        // EXIF 3 defines 0 and 1 anew.
+        let newer = with_reference(reference, b"0300");
+        let kind = if reference < 2 { HeightKind::Ellipsoid } else { SEA };
+        assert_eq!((position(&newer).2, position(&newer).3), (height, kind));
+        let photo = with_reference(reference, b"0232");
         let (lat, lon, metres, kind) = position(&photo);
         near(lat, -(41.0 + 6.5 / 60.0));
         near(lon, 3.0);
