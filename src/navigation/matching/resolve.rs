@@ -20,6 +20,8 @@ const REFINED: usize = 10;
 const OTHERS: f64 = 1e-3;
 /// Beyond the edge of time: no clock counts so far (30,000 years of seconds, and f64 still resolves 0.1 ms).
 const FARTHEST_S: f64 = 1e12;
+/// Triggers closer than so many steps of the photos' times are not told apart one by one.
+const SLIPPERY: f64 = 1.2;
 /// One sigma of a shutter's delay between two series on the same clock.
 const SAME_STD: f64 = 0.15;
 /// Clocks that are both disciplined by GPS do not drift by more.
@@ -43,6 +45,11 @@ pub(super) fn resolve(
     options: &MatchOptions,
 ) -> Result<Matching, MatchError> {
     let given = check(photos, triggers, options)?;
+    let resolution = 2.0 * given.series.halves.iter().copied().fold(0.0, f64::max);
+    // Pairs and offset would hold each other in place, right or wrong.
+    if options.clock == ClockPrior::Unknown && given.series.interval < SLIPPERY * resolution {
+        return Err(too_coarse(&given.series));
+    }
     let prior = prior(photos, triggers, options, &given)?;
     let modes = modes(&given.series, &prior)?;
     decide(photos, triggers, options, &given, &prior, &modes)
@@ -372,8 +379,13 @@ fn decide(
 /// Number of breaks between triggers at which a shift by one loses a pair for certain: no whole number of the
 /// intervals around them (that may be missing events), and too long for the photos' resolution to bridge.
 fn turns(series: &Series) -> f64 {
+    let resolution = 2.0 * series.halves.iter().copied().fold(0.0, f64::max);
+    // Photos of one instant slip from trigger to trigger without a loss.
+    if series.interval < SLIPPERY * resolution {
+        return 0.0;
+    }
     let gaps: Vec<f64> = series.triggers.windows(2).map(|w| w[1] - w[0]).collect();
-    let bridged = 0.5 + 2.0 * series.halves.iter().copied().fold(0.0, f64::max);
+    let bridged = 0.5 + resolution;
     let turn = |(i, gap): (usize, &f64)| {
         let mut around = gaps[i.saturating_sub(4)..(i + 5).min(gaps.len())].to_vec();
         around.sort_by(f64::total_cmp);
@@ -414,8 +426,12 @@ enum Decided {
 /// counts only when it exceeds what such chances give.
 fn decided(series: &Series, best: &Mode, other: &Mode) -> Decided {
     let (pairs, fewer) = (best.pairs(), other.pairs());
-    let by_residuals = pairs.min(fewer) * (best.mean_log_density(series) - other.mean_log_density(series))
-        + (best.log_prior - other.log_prior);
+    let by_prior = best.log_prior - other.log_prior;
+    let by_residuals = pairs.min(fewer) * (best.mean_log_density(series) - other.mean_log_density(series));
+    // Where photos slip from trigger to trigger within their resolution, residuals fit whatever the pairs are.
+    let slippery = series.interval < SLIPPERY * 2.0 * series.halves.iter().copied().fold(0.0, f64::max);
+    let needed = if slippery { 30.0 } else { -OTHERS.ln() };
+    let settled = by_prior >= -OTHERS.ln() || by_prior + by_residuals >= needed;
     // Holes that did not come together; one more of each may be hidden at the ends.
     let misfires = series.triggers.len() as f64 - pairs;
     let extras = photos_within(series, &best.hypothesis) as f64 - pairs;
@@ -423,7 +439,7 @@ fn decided(series: &Series, best: &Mode, other: &Mode) -> Decided {
     // Were the other one true, the best would have lost a pair at each turn and yet have more.
     let coincidences = pairs - fewer + turns(series) + 1.0;
     let more = pairs - fewer >= 0.5;
-    if by_residuals >= -OTHERS.ln() || (more && coincidences >= 3.7 + chance + 3.0 * chance.sqrt()) {
+    if settled || (more && coincidences >= 3.7 + chance + 3.0 * chance.sqrt()) {
         return Decided::ByTimes;
     }
     let all = series.triggers.len().min(series.photos.len()) as f64 - pairs < 0.5;

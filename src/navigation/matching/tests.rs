@@ -263,7 +263,7 @@ fn campaign(generator: fn(&mut Random) -> Vec<f64>, seeds: std::ops::Range<u64>)
 fn no_wrong_pair_is_accepted_in_simulated_flights() {
     let surveys = campaign(strips, 0..60);
     assert_eq!(surveys.wrong, 0, "{surveys:?}");
-    assert!(surveys.accepted >= 50 && surveys.left_out * 20 < surveys.right, "{surveys:?}");
+    assert!(surveys.accepted >= 40 && surveys.left_out * 20 < surveys.right, "{surveys:?}");
     let timers = campaign(time_lapse, 0..40);
     assert_eq!(timers.wrong, 0, "{timers:?}");
     assert!(timers.accepted >= 5, "{timers:?}");
@@ -272,8 +272,9 @@ fn no_wrong_pair_is_accepted_in_simulated_flights() {
 #[test]
 #[ignore = "2,000 flights: half a minute or so"]
 fn wrong_pairs_stay_below_one_in_a_hundred_thousand() {
-    let surveys = campaign(strips, 1000..2000);
-    let timers = campaign(time_lapse, 1000..2000);
+    const FIRST: u64 = 1000;
+    let surveys = campaign(strips, FIRST..FIRST + 1000);
+    let timers = campaign(time_lapse, FIRST..FIRST + 1000);
     eprintln!("strips {surveys:?}\ntime-lapse {timers:?}");
     assert!((surveys.wrong + timers.wrong) * 100_000 <= surveys.right + timers.right);
 }
