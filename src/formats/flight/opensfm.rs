@@ -9,10 +9,9 @@
 use super::declared::{Coordinates, Crs};
 use super::json::{Members, three, without_nan};
 use super::poses::words;
-use super::text::{not_empty, number, short};
+use super::text::{bad, not_empty, number, short};
 use super::{
-    BadRecord, Clock, Exposure, FlightLog, LoggedAttitude, LoggedPosition, Origin, ReadError,
-    plausible_height,
+    Clock, Exposure, FlightLog, LoggedAttitude, LoggedPosition, Origin, ReadError, plausible_height,
 };
 use crate::geodesy::{Geodetic, HeightKind, LocalTangent, WGS84};
 use crate::geometry::attitude::OmegaPhiKappa;
@@ -93,7 +92,7 @@ pub fn read(
                     origins: Arc::clone(&origins),
                     ..exposure
                 }),
-                Err(cause) => log.bad.push(BadRecord { place, frame: Some(name.clone()), cause }),
+                Err(cause) => bad(&mut log, place, Some(name.clone()), cause)?,
             }
         }
     }

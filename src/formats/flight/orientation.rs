@@ -9,8 +9,8 @@ use super::columns::{Column, Head, head};
 use super::declared::{Coordinates, Crs, Declared};
 use super::json::{three, without_nan};
 use super::poses::{Plan, Table, words};
-use super::text::{lines, not_empty, number, short};
-use super::{BadRecord, Clock, Exposure, FlightLog, North, Origin, ReadError};
+use super::text::{bad, lines, not_empty, number, short};
+use super::{Clock, Exposure, FlightLog, North, Origin, ReadError};
 use crate::geodesy::HeightKind;
 use crate::units::Radians;
 use serde_json::Value;
@@ -196,7 +196,7 @@ fn geojson(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadError
         };
         match exposure() {
             Ok(exposure) => log.exposures.push(exposure),
-            Err(cause) => log.bad.push(BadRecord { place, frame: frame.clone(), cause }),
+            Err(cause) => bad(&mut log, place, frame.clone(), cause)?,
         }
     }
     log.origins = origins.to_vec();

@@ -3,8 +3,8 @@
 use super::angles::{self, AngleSystem, AngleUnit, Axes};
 use super::columns::{Column, is_comment};
 use super::declared::{Coordinates, Crs, Declared};
-use super::text::{Delimiter, lines, number, optional, short, std};
-use super::{BadRecord, Exposure, FlightLog, LoggedAttitude, LoggedPosition, LoggedStd, Origin, ReadError};
+use super::text::{Delimiter, bad, lines, number, optional, short, std};
+use super::{Exposure, FlightLog, LoggedAttitude, LoggedPosition, LoggedStd, Origin, ReadError};
 use crate::geodesy::HeightKind;
 use crate::units::Radians;
 use nalgebra::Matrix3;
@@ -156,7 +156,7 @@ impl Table {
     /// Reads the rows of a text: every line but comments and the header.
     ///
     /// # Errors
-    /// As [`lines`].
+    /// As [`lines`] and [`bad`].
     pub(super) fn read_rows(&self, bytes: &[u8], header: u64, log: &mut FlightLog) -> Result<(), ReadError> {
         for (place, line) in lines(bytes)? {
             match line {
@@ -165,22 +165,31 @@ impl Table {
                     let mut cells = self.delimiter.cells(line);
                     self.mend(line, &mut cells);
                     let cells: Vec<String> = cells.into_iter().map(|(_, cell)| cell).collect();
-                    self.read_cells(place, &cells, log);
+                    self.read_cells(place, &cells, log)?;
                 }
-                Err(cause) => log.bad.push(BadRecord { place, frame: None, cause }),
+                Err(cause) => bad(log, place, None, cause)?,
             }
         }
         Ok(())
     }
 
     /// Reads a row into the log: as an exposure, or as a bad record.
-    pub(super) fn read_cells(&self, place: u64, cells: &[String], log: &mut FlightLog) {
+    ///
+    /// # Errors
+    /// As [`bad`].
+    pub(super) fn read_cells(
+        &self,
+        place: u64,
+        cells: &[String],
+        log: &mut FlightLog,
+    ) -> Result<(), ReadError> {
         let frame = self.cell(cells, Column::Frame).to_owned();
         match self.exposure(place, cells) {
-            Ok(exposure) => log.exposures.push(Exposure { frame: Some(frame), ..exposure }),
-            Err(cause) => {
-                log.bad.push(BadRecord { place, frame: (!frame.is_empty()).then_some(frame), cause });
+            Ok(exposure) => {
+                log.exposures.push(Exposure { frame: Some(frame), ..exposure });
+                Ok(())
             }
+            Err(cause) => bad(log, place, (!frame.is_empty()).then_some(frame), cause),
         }
     }
 
