@@ -81,7 +81,8 @@ impl Program {
 /// [`ReadError`] when the file is none of these, when CRS, kind of heights or the meaning of angles is neither stated nor
 /// declared, and when no record is usable.
 pub fn read(bytes: &[u8], declared: &Declared<'_>, offset: Option<&[u8]>) -> Result<FlightLog, ReadError> {
-    if without_nan(bytes).trim_ascii_start().first() == Some(&b'{') {
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    if text.trim_ascii_start().first() == Some(&b'{') {
         return geojson(bytes, declared);
     }
     let head = head(bytes)?;
