@@ -268,7 +268,9 @@ pub enum MatchError {
         most: usize,
     },
     /// The triggers follow each other much faster than the photos' times can tell apart.
-    #[error("photo times in steps of {resolution_s} s cannot tell triggers every {interval_s:.3} s apart")]
+    #[error(
+        "photo times in steps of {resolution_s} s cannot tell triggers every {interval_s:.3} s apart: declare the camera clock's offset, or use photos with finer times"
+    )]
     TooCoarse {
         /// Step of the photo times.
         resolution_s: f64,

@@ -6,11 +6,11 @@
 //! read as ω, φ, κ (issue 1473), since then as yaw, pitch, roll of a camera whose pitch 0 looks straight down.
 
 use super::angles::AngleSystem;
-use super::columns::Column;
+use super::columns::{Column, is_comment};
 use super::declared::{Crs, Declared};
 use super::poses::{Plan, Table};
-use super::text::{Delimiter, lines, not_empty, short};
-use super::{BadRecord, Clock, FlightLog, ReadError};
+use super::text::{Delimiter, bad, lines, not_empty, short};
+use super::{Clock, FlightLog, ReadError};
 
 /// Reads a `geo.txt`. [`Declared::crs`] and [`Declared::columns`] are not used: the file states both.
 ///
@@ -20,18 +20,12 @@ use super::{BadRecord, Clock, FlightLog, ReadError};
 pub fn read(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadError> {
     let mut log = FlightLog::new(Clock::Own);
     let (crs_place, crs) = crs(bytes)?;
-    let mut rows: Vec<(u64, Vec<String>)> = Vec::new();
-    for (place, line) in lines(bytes)?.filter(|(place, _)| *place > crs_place) {
-        match line {
-            Ok(line) if line.trim().is_empty() || line.trim_start().starts_with('#') => {}
-            Ok(line) => {
-                let cells = Delimiter::Blanks.cells(line).into_iter().map(|(_, cell)| cell);
-                rows.push((place, cells.collect()));
-            }
-            Err(cause) => log.bad.push(BadRecord { place, frame: None, cause }),
-        }
-    }
-    let angles = match (declared.angles, rows.iter().find(|(_, cells)| has_angles(cells))) {
+    let rows = || Ok(lines(bytes)?.filter(|(place, line)| *place > crs_place && !is_blank(line)));
+    let with_angles = rows()?.find_map(|(place, line)| {
+        let cells = cells(line.ok()?);
+        has_angles(&cells).then_some((place, cells))
+    });
+    let angles = match (declared.angles, with_angles) {
         (Some(angles), _) => angles,
         (None, None) => AngleSystem::CameraYawPitchRoll(super::North::True),
         (None, Some((place, cells))) => {
@@ -39,18 +33,22 @@ pub fn read(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadErro
                 "columns 5 to 7 hold angles ({}): yaw, pitch, roll in new files, omega, phi, kappa in old ones",
                 short(&cells[4..7].join(" "))
             ))
-            .line(*place)
+            .line(place)
             .help("declare its `angles`: camera_yaw_pitch_roll or omega_phi_kappa"));
         }
     };
     let table = table(crs, angles, declared, &mut log)?;
-    for (place, mut cells) in rows {
+    for (place, line) in rows()? {
+        let mut cells = match line {
+            Ok(line) => cells(line),
+            Err(cause) => {
+                bad(&mut log, place, None, cause)?;
+                continue;
+            }
+        };
         if cells.len() < 3 {
-            log.bad.push(BadRecord {
-                place,
-                frame: cells.first().cloned(),
-                cause: format!("has {} cells, at least image, x and y are needed", cells.len()),
-            });
+            let cause = format!("has {} cells, at least image, x and y are needed", cells.len());
+            bad(&mut log, place, cells.first().cloned(), cause)?;
             continue;
         }
         // Four to six cells hold no angles, eight no accuracies; what is behind the ninth is a label.
@@ -60,13 +58,21 @@ pub fn read(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadErro
             _ => cells.truncate(9),
         }
         cells.resize(9, String::new());
-        table.read_cells(place, &cells, &mut log);
+        table.read_cells(place, &cells, &mut log)?;
     }
-    log.bad.sort_by_key(|bad| bad.place);
     log.notes.push(
         "Three angles that are all 0 are taken for none, as ODM's documentation writes them.".to_owned(),
     );
     not_empty(log, "a geo.txt")
+}
+
+/// An empty line, or a comment.
+fn is_blank(line: &Result<&str, String>) -> bool {
+    line.as_ref().is_ok_and(|line| is_comment(line))
+}
+
+fn cells(line: &str) -> Vec<String> {
+    Delimiter::Blanks.cells(line).into_iter().map(|(_, cell)| cell).collect()
 }
 
 /// The first line with something on it.

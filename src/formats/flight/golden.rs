@@ -6,7 +6,7 @@
 use super::{AngleSystem, AngleUnit, Declared, FlightLog, LoggedAttitude, LoggedPosition, North};
 use super::{geo_txt, geoinfo, opensfm, orientation};
 use crate::geodesy::{Geodetic, HeightKind, WGS84};
-use crate::geometry::attitude::YawPitchRoll;
+use crate::geometry::attitude::{OmegaPhiKappa, YawPitchRoll};
 use crate::geometry::{Body, Camera, Ned};
 use crate::units::Radians;
 use nalgebra::Matrix3;
@@ -353,4 +353,30 @@ fn a_real_tables_angles_and_matrices_agree() {
     }
     // Angles are printed to 0.0001°: 1.7e-6 rad.
     assert!(worst < 3e-6, "{worst:e}");
+}
+
+#[test]
+fn the_conventions_page_prints_what_the_code_computes() {
+    let page = include_str!("../../../CONVENTIONS.md").replace('−', "-");
+    let cells = |line: &str| -> Vec<Vec<f64>> {
+        let numbers = |cell: &str| cell.split(',').map(|n| n.trim().parse().unwrap_or(f64::NAN)).collect();
+        line.trim_matches('|').split('|').skip(1).map(numbers).collect()
+    };
+    let row = |start: &str| {
+        let found = page.lines().find(|l| l.starts_with(start));
+        cells(found.unwrap_or_else(|| panic!("CONVENTIONS.md has no row {start}")))
+    };
+    let poses = row("| place | 0, 0, 0 |");
+    assert_eq!(poses.len(), 5);
+    for (start, gamma) in [("| 36°N 15°E", 0.0), ("| 60°N 17.9°E", 2.512)] {
+        for (pose, expected) in poses.iter().zip(row(start)) {
+            let level = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+            let body = YawPitchRoll::from_degrees(pose[0], pose[1], pose[2]).rotation::<Ned, Body>().matrix();
+            let turn = crate::geometry::Rotation::<Ned, Camera>::from_matrix_unchecked(body * level);
+            let opk = OmegaPhiKappa::of_ned_from_camera(&turn, Radians::from_degrees(gamma));
+            for (angle, printed) in [opk.omega, opk.phi, opk.kappa].into_iter().zip(expected) {
+                assert!((angle.degrees() - printed).abs() < 1e-3, "{start} {pose:?}: {}", angle.degrees());
+            }
+        }
+    }
 }

@@ -5,10 +5,9 @@
 //! RTK, "Timestamp.MRK": N, E and V are millimetres from the antenna's phase centre to the sensor's, positive north, east
 //! and down; latitude and longitude are given after this compensation, so they are the camera's.
 
-use super::text::{lines, not_empty, number, short, std};
+use super::text::{bad, lines, not_empty, number, short, std};
 use super::{
-    BadRecord, Clock, Exposure, FlightLog, LoggedPosition, LoggedStd, Origin, ReadError, geodetic,
-    utc_from_gps,
+    Clock, Exposure, FlightLog, LoggedPosition, LoggedStd, Origin, ReadError, geodetic, utc_from_gps,
 };
 use crate::geodesy::{Geodetic, HeightKind, LocalTangent, WGS84};
 use crate::geometry::{Displacement, Ned, Point};
@@ -60,7 +59,7 @@ pub fn read(bytes: &[u8]) -> Result<FlightLog, ReadError> {
         });
         match exposure {
             Ok(exposure) => log.exposures.push(exposure),
-            Err(cause) => log.bad.push(BadRecord { place, frame: None, cause }),
+            Err(cause) => bad(&mut log, place, None, cause)?,
         }
     }
     if with_week == Some(false) {

@@ -9,10 +9,9 @@
 use super::declared::{Coordinates, Crs};
 use super::json::{Members, three, without_nan};
 use super::poses::words;
-use super::text::{not_empty, number, short};
+use super::text::{bad, not_empty, number, short};
 use super::{
-    BadRecord, Clock, Exposure, FlightLog, LoggedAttitude, LoggedPosition, Origin, ReadError,
-    plausible_height,
+    Clock, Exposure, FlightLog, LoggedAttitude, LoggedPosition, Origin, ReadError, plausible_height,
 };
 use crate::geodesy::{Geodetic, HeightKind, LocalTangent, WGS84};
 use crate::geometry::attitude::OmegaPhiKappa;
@@ -93,7 +92,7 @@ pub fn read(
                     origins: Arc::clone(&origins),
                     ..exposure
                 }),
-                Err(cause) => log.bad.push(BadRecord { place, frame: Some(name.clone()), cause }),
+                Err(cause) => bad(&mut log, place, Some(name.clone()), cause)?,
             }
         }
     }
@@ -193,10 +192,10 @@ fn exposure(place: u64, shot: &Value, frame: &Frame, kind: HeightKind) -> Result
     let camera_from_world = Rotation3::new(Vector3::from(turn));
     let world_from_camera = camera_from_world.inverse();
     let centre = -(world_from_camera * Vector3::from(translation));
-    if !(0.0..1e6).contains(&centre.norm()) {
-        return Err(format!("stands {:.0} km from the reference", centre.norm() / 1e3));
-    }
     let (position, attitude) = match frame {
+        Frame::Topocentric(_) if !(0.0..1e6).contains(&centre.norm()) => {
+            return Err(format!("stands {:.0} km from the reference", centre.norm() / 1e3));
+        }
         Frame::Topocentric(reference) => on_earth(reference, &world_from_camera, &centre, kind)?,
         Frame::Grid(crs, [east, north]) => {
             let position = crs.position([centre.x + east, centre.y + north, centre.z], kind)?;

@@ -9,8 +9,8 @@ use super::columns::{Column, Head, head};
 use super::declared::{Coordinates, Crs, Declared};
 use super::json::{three, without_nan};
 use super::poses::{Plan, Table, words};
-use super::text::{lines, not_empty, number, short};
-use super::{BadRecord, Clock, Exposure, FlightLog, North, Origin, ReadError};
+use super::text::{bad, lines, not_empty, number, short};
+use super::{Clock, Exposure, FlightLog, North, Origin, ReadError};
 use crate::geodesy::HeightKind;
 use crate::units::Radians;
 use serde_json::Value;
@@ -81,7 +81,8 @@ impl Program {
 /// [`ReadError`] when the file is none of these, when CRS, kind of heights or the meaning of angles is neither stated nor
 /// declared, and when no record is usable.
 pub fn read(bytes: &[u8], declared: &Declared<'_>, offset: Option<&[u8]>) -> Result<FlightLog, ReadError> {
-    if without_nan(bytes).trim_ascii_start().first() == Some(&b'{') {
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    if text.trim_ascii_start().first() == Some(&b'{') {
         return geojson(bytes, declared);
     }
     let head = head(bytes)?;
@@ -196,7 +197,7 @@ fn geojson(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadError
         };
         match exposure() {
             Ok(exposure) => log.exposures.push(exposure),
-            Err(cause) => log.bad.push(BadRecord { place, frame: frame.clone(), cause }),
+            Err(cause) => bad(&mut log, place, frame.clone(), cause)?,
         }
     }
     log.origins = origins.to_vec();

@@ -3,8 +3,8 @@
 use super::angles::{self, AngleSystem, AngleUnit, Axes};
 use super::columns::{Column, is_comment};
 use super::declared::{Coordinates, Crs, Declared};
-use super::text::{Delimiter, lines, number, optional, short, std};
-use super::{BadRecord, Exposure, FlightLog, LoggedAttitude, LoggedPosition, LoggedStd, Origin, ReadError};
+use super::text::{Delimiter, bad, lines, number, optional, short, std};
+use super::{Exposure, FlightLog, LoggedAttitude, LoggedPosition, LoggedStd, Origin, ReadError};
 use crate::geodesy::HeightKind;
 use crate::units::Radians;
 use nalgebra::Matrix3;
@@ -74,24 +74,46 @@ impl Table {
         }
         let declared_crs = plan.declared.crs.map(Crs::of).transpose()?;
         let stated = plan.crs.clone().or(declared_crs);
-        let crs = position_crs(stated.as_ref(), geographic && !mapped)?;
+        let crs = position_crs(stated.as_ref(), geographic)?;
         let heights = heights(&plan, stated.as_ref(), &crs)?;
         let angles = angle_system(&plan)?;
-        let on_grid = matches!(crs.coordinates, Coordinates::Grid | Coordinates::Degrees)
-            || (plan.angles_need_grid && stated.is_some());
         let counts_from_grid =
             matches!(angles, Some(AngleSystem::OmegaPhiKappa | AngleSystem::PhiOmegaKappa));
-        if counts_from_grid && plan.angles_need_grid && geographic && stated.is_none() {
+        // A map grid stated beside latitude and longitude is that of the angles.
+        let grid = stated.as_ref().filter(|c| geographic && c.coordinates == Coordinates::Grid);
+        if counts_from_grid && plan.angles_need_grid && geographic && grid.is_none() {
             return Err(ReadError::new(
                 "its omega, phi, kappa count from a map grid that neither it nor the pipeline names",
             )
             .help("declare that grid's `crs`"));
         }
+        let on_grid = grid.is_some() || matches!(crs.coordinates, Coordinates::Grid | Coordinates::Degrees);
         if counts_from_grid && crs.coordinates == Coordinates::Ecef {
             return Err(ReadError::new("states omega, phi, kappa beside Earth-centred positions")
                 .help("export positions and angles in a map projection"));
         }
-        log.crs = if counts_from_grid && on_grid { stated.as_ref().and_then(Crs::kept) } else { crs.kept() };
+        log.crs = grid.filter(|_| counts_from_grid).map_or_else(|| crs.kept(), Crs::kept);
+        if geographic && let Some(grid) = &stated {
+            log.notes.push(match (grid.coordinates, counts_from_grid) {
+                (Coordinates::Grid, true) => format!(
+                    "Latitude and longitude are WGS 84; omega, phi, kappa count from the grid of {}.",
+                    short(&grid.definition)
+                ),
+                (Coordinates::Grid | Coordinates::Ecef, _) => format!(
+                    "Latitude and longitude are WGS 84; the CRS {} is not used.",
+                    short(&grid.definition)
+                ),
+                (Coordinates::Wgs84 | Coordinates::Degrees, _) => {
+                    format!("Latitude and longitude are in {}.", short(&grid.definition))
+                }
+            });
+        }
+        if counts_from_grid && !on_grid {
+            log.notes.push(
+                "Omega, phi, kappa count from true east and north at each photo, since no map grid is stated."
+                    .to_owned(),
+            );
+        }
         let table = Self {
             origins: origins(&plan, &crs, heights, angles).into(),
             names: plan.names,
@@ -134,7 +156,7 @@ impl Table {
     /// Reads the rows of a text: every line but comments and the header.
     ///
     /// # Errors
-    /// As [`lines`].
+    /// As [`lines`] and [`bad`].
     pub(super) fn read_rows(&self, bytes: &[u8], header: u64, log: &mut FlightLog) -> Result<(), ReadError> {
         for (place, line) in lines(bytes)? {
             match line {
@@ -143,22 +165,31 @@ impl Table {
                     let mut cells = self.delimiter.cells(line);
                     self.mend(line, &mut cells);
                     let cells: Vec<String> = cells.into_iter().map(|(_, cell)| cell).collect();
-                    self.read_cells(place, &cells, log);
+                    self.read_cells(place, &cells, log)?;
                 }
-                Err(cause) => log.bad.push(BadRecord { place, frame: None, cause }),
+                Err(cause) => bad(log, place, None, cause)?,
             }
         }
         Ok(())
     }
 
     /// Reads a row into the log: as an exposure, or as a bad record.
-    pub(super) fn read_cells(&self, place: u64, cells: &[String], log: &mut FlightLog) {
+    ///
+    /// # Errors
+    /// As [`bad`].
+    pub(super) fn read_cells(
+        &self,
+        place: u64,
+        cells: &[String],
+        log: &mut FlightLog,
+    ) -> Result<(), ReadError> {
         let frame = self.cell(cells, Column::Frame).to_owned();
         match self.exposure(place, cells) {
-            Ok(exposure) => log.exposures.push(Exposure { frame: Some(frame), ..exposure }),
-            Err(cause) => {
-                log.bad.push(BadRecord { place, frame: (!frame.is_empty()).then_some(frame), cause });
+            Ok(exposure) => {
+                log.exposures.push(Exposure { frame: Some(frame), ..exposure });
+                Ok(())
             }
+            Err(cause) => bad(log, place, (!frame.is_empty()).then_some(frame), cause),
         }
     }
 

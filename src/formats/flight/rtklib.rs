@@ -6,9 +6,9 @@
 
 use super::declared::ecef;
 use super::poses::words;
-use super::text::{lines, not_empty, number, short};
+use super::text::{bad, lines, not_empty, number, short};
 use super::{
-    BadRecord, Clock, Exposure, FlightLog, LoggedPosition, LoggedStd, Origin, ReadError, Sample, geodetic,
+    Clock, Exposure, FlightLog, LoggedPosition, LoggedStd, Origin, ReadError, Sample, geodetic,
     plausible_speed, utc_from_gps,
 };
 use crate::geodesy::{HeightKind, LocalTangent, WGS84};
@@ -63,7 +63,7 @@ pub fn read(bytes: &[u8], as_events: bool, heights: Option<HeightKind>) -> Resul
         let line = match line {
             Ok(line) => line,
             Err(cause) => {
-                log.bad.push(BadRecord { place, frame: None, cause });
+                bad(&mut log, place, None, cause)?;
                 continue;
             }
         };
@@ -91,7 +91,7 @@ pub fn read(bytes: &[u8], as_events: bool, heights: Option<HeightKind>) -> Resul
                 quality[row.quality.min(7)] += 1;
                 row.push(place, as_events, &origins, &mut log);
             }
-            Err(cause) => log.bad.push(BadRecord { place, frame: None, cause }),
+            Err(cause) => bad(&mut log, place, None, cause)?,
         }
     }
     if header.is_none() {

@@ -1,6 +1,12 @@
 //! Lines, cells and numbers of text logs.
 
-use super::{FlightLog, ReadError};
+use super::{BadRecord, FlightLog, ReadError};
+
+/// No record of a text log comes near; beyond, the cells of a line could take more memory than the file.
+const LONGEST_LINE: usize = 1 << 16;
+
+/// Bad records that are listed whatever the good ones are.
+const MOST_BAD: usize = 10_000;
 
 /// The lines of a text with their numbers from 1; a line that is not UTF-8 says so. LF and CRLF end a line, a byte order
 /// mark is passed over.
@@ -14,6 +20,9 @@ pub(super) fn lines(bytes: &[u8]) -> Result<impl Iterator<Item = (u64, Result<&s
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     Ok((1..).zip(text.split(|b| *b == b'\n')).map(|(number, line)| {
         let line = line.strip_suffix(b"\r").unwrap_or(line);
+        if line.len() > LONGEST_LINE {
+            return (number, Err(format!("is {} bytes long, the limit is {LONGEST_LINE}", line.len())));
+        }
         (number, std::str::from_utf8(line).map_err(|_| "is not UTF-8 text".to_owned()))
     }))
 }
@@ -115,6 +124,31 @@ pub(super) fn std(name: &str, text: &str) -> Result<Option<f64>, String> {
     Ok(optional(name, text)?.filter(|value| *value > 0.0))
 }
 
+/// Lists a bad record.
+///
+/// # Errors
+/// [`ReadError`] once there are more than ten thousand and more than usable ones: the file is of another kind, and a list
+/// of its lines helps nobody.
+pub(super) fn bad(
+    log: &mut FlightLog,
+    place: u64,
+    frame: Option<String>,
+    cause: String,
+) -> Result<(), ReadError> {
+    log.bad.push(BadRecord { place, frame, cause });
+    let usable = log.exposures.len() + log.positions.len();
+    match log.bad.first() {
+        Some(first) if log.bad.len() > MOST_BAD.max(usable) => Err(ReadError::new(format!(
+            "{} of its first {} records are unusable; the first: {}",
+            log.bad.len(),
+            log.bad.len() + usable,
+            first.cause
+        ))
+        .line(first.place)),
+        _ => Ok(()),
+    }
+}
+
 /// Text for a message: its first forty characters.
 pub(super) fn short(text: &str) -> String {
     match text.char_indices().nth(40) {
@@ -167,6 +201,16 @@ mod tests {
         assert_eq!(Delimiter::of("\"a;b\" 1"), Delimiter::Blanks);
         assert_eq!(cells(Delimiter::Blanks, "  ../é.jpg \t 1  2 "), ["../é.jpg", "1", "2"]);
         assert_eq!(Delimiter::Blanks.cells("ab  cd")[1], (4, "cd".to_owned()));
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_not_listed_line_by_line() {
+        let mut log = FlightLog::new(super::super::Clock::Own);
+        let kept = (1..20_000).find(|i| bad(&mut log, *i, None, "is odd".to_owned()).is_err());
+        assert_eq!((kept, log.bad.len()), (Some(10_001), 10_001));
+        let long = "x".repeat(70_000);
+        let (_, line) = lines(long.as_bytes()).unwrap().next().unwrap();
+        assert_eq!(line, Err("is 70000 bytes long, the limit is 65536".to_owned()));
     }
 
     #[test]

@@ -84,7 +84,7 @@ pub(super) fn log_posterior(sums: &Sums, h: &Hypothesis, prior: &Prior) -> f64 {
 /// Refines a hypothesis; `None` when the photos' times are too coarse for so many triggers.
 pub(super) fn refine(series: &Series, start: Hypothesis, prior: &Prior, log_range: f64) -> Option<Mode> {
     let mut h = start;
-    for _ in 0..25 {
+    for _ in 0..12 {
         let sums = Sums::new(series, &h)?;
         let edges = sums.edges(series, &h);
         let old = h;

@@ -8,6 +8,7 @@ use super::{
     RunnerUp, TriggerReason,
 };
 use crate::units::Seconds;
+use rayon::prelude::*;
 
 /// Photos, and triggers, at most.
 const MOST: usize = 100_000;
@@ -19,6 +20,8 @@ const REFINED: usize = 10;
 const OTHERS: f64 = 1e-3;
 /// Beyond the edge of time: no clock counts so far (30,000 years of seconds, and f64 still resolves 0.1 ms).
 const FARTHEST_S: f64 = 1e12;
+/// Triggers closer than so many steps of the photos' times are not told apart one by one.
+const SLIPPERY: f64 = 1.2;
 /// One sigma of a shutter's delay between two series on the same clock.
 const SAME_STD: f64 = 0.15;
 /// Clocks that are both disciplined by GPS do not drift by more.
@@ -42,6 +45,11 @@ pub(super) fn resolve(
     options: &MatchOptions,
 ) -> Result<Matching, MatchError> {
     let given = check(photos, triggers, options)?;
+    let resolution = 2.0 * given.series.halves.iter().copied().fold(0.0, f64::max);
+    // Pairs and offset would hold each other in place, right or wrong.
+    if options.clock == ClockPrior::Unknown && given.series.interval < SLIPPERY * resolution {
+        return Err(too_coarse(&given.series));
+    }
     let prior = prior(photos, triggers, options, &given)?;
     let modes = modes(&given.series, &prior)?;
     decide(photos, triggers, options, &given, &prior, &modes)
@@ -238,19 +246,23 @@ fn modes(series: &Series, prior: &Prior) -> Result<Vec<Mode>, MatchError> {
         Some((low, high, std)) => (high - low + 2.5 * std).ln(),
     };
     let mut modes: Vec<Mode> = Vec::new();
-    for (_, h) in ranked.into_iter().take(REFINED) {
-        let mode = refine(series, h, prior, log_range).ok_or_else(|| too_coarse(series))?;
-        insert(&mut modes, mode, series);
+    let refined: Vec<Option<Mode>> =
+        ranked.into_par_iter().take(REFINED).map(|(_, h)| refine(series, h, prior, log_range)).collect();
+    for mode in refined {
+        insert(&mut modes, mode.ok_or_else(|| too_coarse(series))?, series);
     }
     // The classic mistakes: all photos one, two or three triggers early or late.
     let best = modes[0].hypothesis;
     let choices = modes[0].choices(series.photos.len());
-    for by in [-3_isize, -2, -1, 1, 2, 3] {
-        if let Some(h) = shifted(series, &best, &choices, by)
-            && let Some(mode) = refine(series, h, prior, log_range)
-        {
-            insert(&mut modes, mode, series);
-        }
+    let shifted: Vec<Option<Mode>> = [-3_isize, -2, -1, 1, 2, 3]
+        .into_par_iter()
+        .filter_map(|by| shifted(series, &best, &choices, by))
+        // Many shifts were among the guesses.
+        .filter(|h| !modes.iter().any(|m| (m.hypothesis.predict(h.pivot) - h.at_pivot).abs() < 0.02))
+        .map(|h| refine(series, h, prior, log_range))
+        .collect();
+    for mode in shifted.into_iter().flatten() {
+        insert(&mut modes, mode, series);
     }
     Ok(modes)
 }
@@ -364,6 +376,26 @@ fn decide(
     Ok(matching)
 }
 
+/// Number of breaks between triggers at which a shift by one loses a pair for certain: no whole number of the
+/// intervals around them (that may be missing events), and too long for the photos' resolution to bridge.
+fn turns(series: &Series) -> f64 {
+    let resolution = 2.0 * series.halves.iter().copied().fold(0.0, f64::max);
+    // Photos of one instant slip from trigger to trigger without a loss.
+    if series.interval < SLIPPERY * resolution {
+        return 0.0;
+    }
+    let gaps: Vec<f64> = series.triggers.windows(2).map(|w| w[1] - w[0]).collect();
+    let bridged = 0.5 + resolution;
+    let turn = |(i, gap): (usize, &f64)| {
+        let mut around = gaps[i.saturating_sub(4)..(i + 5).min(gaps.len())].to_vec();
+        around.sort_by(f64::total_cmp);
+        let interval = around[around.len() / 2].max(1e-9);
+        let ratio = gap / interval;
+        gap - interval > bridged && (ratio > 10.0 || (ratio - ratio.round()).abs() > 0.25)
+    };
+    gaps.iter().enumerate().filter(|g| turn(*g)).count() as f64
+}
+
 fn offset_of(h: &Hypothesis, photo: f64) -> f64 {
     h.predict(photo) - photo
 }
@@ -394,13 +426,20 @@ enum Decided {
 /// counts only when it exceeds what such chances give.
 fn decided(series: &Series, best: &Mode, other: &Mode) -> Decided {
     let (pairs, fewer) = (best.pairs(), other.pairs());
-    let by_residuals = pairs.min(fewer) * (best.mean_log_density(series) - other.mean_log_density(series))
-        + (best.log_prior - other.log_prior);
+    let by_prior = best.log_prior - other.log_prior;
+    let by_residuals = pairs.min(fewer) * (best.mean_log_density(series) - other.mean_log_density(series));
+    // Where photos slip from trigger to trigger within their resolution, residuals fit whatever the pairs are.
+    let slippery = series.interval < SLIPPERY * 2.0 * series.halves.iter().copied().fold(0.0, f64::max);
+    let needed = if slippery { 30.0 } else { -OTHERS.ln() };
+    let settled = by_prior >= -OTHERS.ln() || by_prior + by_residuals >= needed;
     // Holes that did not come together; one more of each may be hidden at the ends.
     let misfires = series.triggers.len() as f64 - pairs;
     let extras = photos_within(series, &best.hypothesis) as f64 - pairs;
     let chance = (misfires.max(0.0) + 1.0) * (extras.max(0.0) + 1.0) / pairs.max(1.0);
-    if by_residuals >= -OTHERS.ln() || pairs - fewer >= 2.7 + chance + 3.0 * chance.sqrt() {
+    // Were the other one true, the best would have lost a pair at each turn and yet have more.
+    let coincidences = pairs - fewer + turns(series) + 1.0;
+    let more = pairs - fewer >= 0.5;
+    if settled || (more && coincidences >= 3.7 + chance + 3.0 * chance.sqrt()) {
         return Decided::ByTimes;
     }
     let all = series.triggers.len().min(series.photos.len()) as f64 - pairs < 0.5;
@@ -606,16 +645,4 @@ fn fill_untimed(
         }
         i = end;
     }
-}
-
-#[cfg(test)]
-pub(super) fn debug(
-    photos: &[PhotoTime],
-    triggers: &[Seconds],
-    options: &MatchOptions,
-) -> Result<(f64, Prior, Vec<Mode>), MatchError> {
-    let given = check(photos, triggers, options)?;
-    let prior = prior(photos, triggers, options, &given)?;
-    let m = modes(&given.series, &prior)?;
-    Ok((given.series.interval, prior, m))
 }

@@ -8,7 +8,7 @@ use std::collections::BinaryHeap;
 /// Bins of a histogram at most.
 const MOST_BINS: f64 = 4_194_304.0;
 /// Votes cast at most.
-const MOST_VOTES: f64 = 1e8;
+const MOST_VOTES: f64 = 4e7;
 /// Photos that vote at least, when there are that many.
 const LEAST_VOTERS: usize = 64;
 /// Guesses kept of each drift's histogram, and in all.

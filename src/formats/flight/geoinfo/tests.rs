@@ -79,6 +79,27 @@ fn nothing_is_guessed() {
 }
 
 #[test]
+fn omega_phi_kappa_beside_degrees_count_from_the_ground_or_from_a_declared_grid() {
+    let text = b"image,lat,lon,alt,omega,phi,kappa\na.jpg,46.5,6.25,540.5,1,2,3\n";
+    let log = read(text, &declared()).unwrap();
+    assert!(matches!(log.exposures[0].attitude, Some(LoggedAttitude::CameraInNed(_))));
+    assert!(log.crs.is_none() && log.notes.iter().any(|n| n.contains("true east")));
+    let same = read(text, &Declared { crs: Some("EPSG:4326"), ..declared() }).unwrap();
+    assert_eq!(same.exposures[0].attitude, log.exposures[0].attitude);
+    let grid = Declared { crs: Some("EPSG:32632"), ..declared() };
+    let log = read(text, &grid).unwrap();
+    assert!(matches!(log.exposures[0].attitude, Some(LoggedAttitude::CameraOnGrid(_))));
+    assert!(matches!(log.exposures[0].position, Some(LoggedPosition::Geodetic { .. })));
+    assert_eq!(log.crs.as_deref(), Some("EPSG:32632"));
+    let none = read(b"image,lat,lon,alt\na.jpg,46.5,6.25,540.5\n", &grid).unwrap();
+    assert!(none.crs.is_none() && none.notes.iter().any(|n| n.contains("not used")));
+    // Both kinds of coordinates: the degrees count.
+    let both = b"image,x,y,lat,lon,alt\na.jpg,442000,5150000,46.5,6.25,540.5\n";
+    let log = read(both, &grid).unwrap();
+    assert!(matches!(log.exposures[0].position, Some(LoggedPosition::Geodetic { .. })), "{log:?}");
+}
+
+#[test]
 fn names_stay_what_they_are() {
     let names =
         ["../../etc/passwd.jpg", "a \"b\".jpg", "façade été.jpg", "x, y.jpg", "C:\\DCIM\\1.jpg", "-.jpg"];

@@ -81,6 +81,13 @@ fn bad_shots_are_kept_apart() {
     assert_eq!((log.bad[0].place, log.bad[0].frame.as_deref()), (2, Some("0.jpg")));
     assert!(topocentric("[]").is_err() && topocentric("{}").is_err() && topocentric("").is_err());
     assert!(topocentric(&"[".repeat(100_000)).is_err());
+    let whole = Axes::Grid { crs: "EPSG:32615", offset: [0.0, 0.0] };
+    let far = SHOT
+        .replace("[1.5, 2.5, 30.0]", "[-576000, -5188000, -200]")
+        .replace("[2.2, -2.2, 0.01]", "[0, 0, 0]");
+    let log = read(file(&format!(r#""a.jpg": {far}"#)).as_bytes(), whole, None, None).unwrap();
+    let Some(LoggedPosition::Projected { map, .. }) = log.exposures[0].position else { panic!() };
+    assert_eq!((map.easting, map.northing), (576_000.0, 5_188_000.0), "without an offset");
     let grid = Axes::Grid { crs: "EPSG:4326", offset: [0.0, 0.0] };
     assert!(read(file(SHOT).as_bytes(), grid, None, None).is_err());
 }
