@@ -58,15 +58,16 @@ struct Collected {
     receivers: BTreeMap<u8, Receiver>,
     attitudes: Vec<Sample<LoggedAttitude>>,
     backup_attitudes: Vec<Sample<LoggedAttitude>>,
-    filter_velocities: BTreeMap<u8, Vec<Sample<Displacement<Ned>>>>,
-    primary_core: BTreeMap<u8, u64>,
+    /// By the filter's message and its core.
+    filter_velocities: BTreeMap<(&'static str, u8), Vec<Sample<Displacement<Ned>>>>,
+    /// How often a filter called a core its primary one.
+    primary_core: BTreeMap<(&'static str, u8), u64>,
     mounts: BTreeMap<u8, Vec<Sample<MountRow>>>,
     mount_without_yaw: usize,
     ranges: BTreeMap<u8, Vec<Sample<f64>>>,
     shots: Vec<Shot>,
     triggers: Vec<Shot>,
     parameters: BTreeMap<&'static str, f64>,
-    names: BTreeMap<&'static str, String>,
 }
 
 /// Reads a DataFlash log.
@@ -229,11 +230,27 @@ impl Collected {
         self.take_velocities(receiver.velocities, log);
     }
 
+    /// The message of the filter in use, and its primary core.
+    fn filter_in_use(&self) -> Option<(&'static str, u8)> {
+        let logged = |name: &&str| self.filter_velocities.keys().any(|(n, _)| n == name);
+        // AHRS_EKF_TYPE: 2 or 3, where both filters run.
+        let order = match self.parameters.get("AHRS_EKF_TYPE") {
+            Some(2.0) => ["NKF1", "XKF1", "EKF1"],
+            _ => ["XKF1", "NKF1", "EKF1"],
+        };
+        let name = order.into_iter().find(logged)?;
+        let cores = self.primary_core.iter().rev().filter(|((n, _), _)| *n == name);
+        let primary = cores.max_by_key(|(_, count)| **count).map(|((_, core), _)| (name, *core));
+        let lowest = self.filter_velocities.keys().find(|(n, _)| *n == name).copied();
+        primary.filter(|key| self.filter_velocities.contains_key(key)).or(lowest)
+    }
+
     fn take_velocities(&mut self, of_receiver: Vec<Sample<Displacement<Ned>>>, log: &mut FlightLog) {
-        let core = self.primary_core.iter().rev().max_by_key(|(_, n)| **n).map_or(0, |(core, _)| *core);
-        let (from, meaning, velocities) = match self.filter_velocities.remove(&core) {
-            Some(velocities) => {
-                let name = self.names.get("filter").cloned().unwrap_or_default();
+        let in_use = self.filter_in_use();
+        let (from, meaning, velocities) = match in_use
+            .and_then(|key| Some((key, self.filter_velocities.remove(&key)?)))
+        {
+            Some(((name, core), velocities)) => {
                 (format!("{name}.VN, {name}.VE, {name}.VD, m/s"), format!("filter core {core}"), velocities)
             }
             None => {

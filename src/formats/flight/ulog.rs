@@ -247,28 +247,30 @@ impl Collected {
     /// The filter's velocities, else those of the receiver; heights above ground come with the filter's.
     fn take_velocities(&mut self, of_position: Rows, log: &mut FlightLog) {
         let has = |r: &Rows| !r.velocities.is_empty() || !r.heights_m.is_empty();
-        let local = if has(&of_position) { Some(of_position) } else { None };
-        let (from, rows) = match self.take(Topic::Local, has) {
-            Some(rows) => ("vehicle_local_position.vx, vy, vz", Some(rows)),
-            None => ("the position's topic: vel_n_m_s, vel_e_m_s, vel_d_m_s (or vx, vy, vz)", local),
-        };
-        let rows = rows.or_else(|| self.take(Topic::Gps, has)).unwrap_or_default();
-        if !rows.velocities.is_empty() {
-            log.origins.push(Origin {
-                quantity: "velocity",
-                from: format!("{from}, m/s"),
-                meaning: "north, east, down".to_owned(),
-            });
+        let sources = [
+            ("vehicle_local_position.vx, vy, vz", self.take(Topic::Local, has)),
+            ("the position's topic: vel_n_m_s, vel_e_m_s, vel_d_m_s (or vx, vy, vz)", Some(of_position)),
+            ("vehicle_gps_position.vel_n_m_s, vel_e_m_s, vel_d_m_s", self.take(Topic::Gps, has)),
+            ("sensor_gps.vel_n_m_s, vel_e_m_s, vel_d_m_s", self.take(Topic::SensorGps, has)),
+        ];
+        for (from, rows) in sources.into_iter().filter_map(|(from, rows)| Some((from, rows?))) {
+            if log.velocities.is_empty() && !rows.velocities.is_empty() {
+                log.velocities = rows.velocities;
+                log.origins.push(Origin {
+                    quantity: "velocity",
+                    from: format!("{from}, m/s"),
+                    meaning: "north, east, down".to_owned(),
+                });
+            }
+            if log.heights_above_ground.is_empty() && !rows.heights_m.is_empty() {
+                log.heights_above_ground = rows.heights_m;
+                log.origins.push(Origin {
+                    quantity: "height above ground",
+                    from: "vehicle_local_position.dist_bottom, metres".to_owned(),
+                    meaning: "where dist_bottom_valid; made vertical by the filter".to_owned(),
+                });
+            }
         }
-        if !rows.heights_m.is_empty() {
-            log.origins.push(Origin {
-                quantity: "height above ground",
-                from: "vehicle_local_position.dist_bottom, metres".to_owned(),
-                meaning: "where dist_bottom_valid; made vertical by the filter".to_owned(),
-            });
-        }
-        log.velocities = rows.velocities;
-        log.heights_above_ground = rows.heights_m;
     }
 
     fn take_gimbals(&mut self, log: &mut FlightLog) {

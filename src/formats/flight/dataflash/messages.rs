@@ -130,11 +130,12 @@ pub(super) enum Plan {
         ellipsoid: Field,
     },
     Velocity {
+        filter: &'static str,
         time: Time,
         core: Option<Field>,
         ned: [Field; 3],
     },
-    Primary(Field),
+    Primary(&'static str, Field),
     Mount {
         time: Time,
         instance: Option<Field>,
@@ -171,12 +172,14 @@ impl Plan {
             "AHR2" => Self::Backup(time()?, Place::of(format)?, Angles::of(format)?),
             "GPS" => Self::Gps(Gps::of(format)?),
             "GPA" => Self::Undulation { instance: format.field("I"), ellipsoid: format.field("AEl")? },
-            "XKF1" | "NKF1" | "EKF1" => Self::Velocity {
+            name @ ("XKF1" | "NKF1" | "EKF1") => Self::Velocity {
+                filter: ["XKF1", "NKF1", "EKF1"].into_iter().find(|n| *n == name)?,
                 time: time()?,
                 core: format.field("C"),
                 ned: [format.field("VN")?, format.field("VE")?, format.field("VD")?],
             },
-            "XKF4" | "NKF4" => Self::Primary(format.field("PI")?),
+            "XKF4" => Self::Primary("XKF1", format.field("PI")?),
+            "NKF4" => Self::Primary("NKF1", format.field("PI")?),
             "MNT" => Self::Mount {
                 time: time()?,
                 instance: format.field("I"),
@@ -243,14 +246,17 @@ impl Plan {
                     }
                 }
             }
-            Self::Velocity { time, core, ned: [n, e, d] } => {
+            Self::Velocity { filter, time, core, ned: [n, e, d] } => {
                 let time = time.get(body)?;
                 let velocity = velocity(n.number(body)?, e.number(body)?, d.number(body)?);
                 let value = to.quarantine.keep(place, "velocity of the filter", velocity)?;
                 let core = number(*core, body);
-                to.filter_velocities.entry(core).or_default().push(Sample { place, time, value });
+                to.filter_velocities.entry((filter, core)).or_default().push(Sample { place, time, value });
             }
-            Self::Primary(core) => *to.primary_core.entry(core.number(body)? as u8).or_default() += 1,
+            Self::Primary(filter, core) => {
+                let core = core.number(body)? as u8;
+                *to.primary_core.entry((filter, core)).or_default() += 1;
+            }
             Self::Mount { time, instance, roll, pitch, nose, north } => {
                 let time = time.get(body)?;
                 let angle = |f: Field| f.degrees(body).filter(|a| a.abs() <= 720.0);
@@ -274,7 +280,7 @@ impl Plan {
             }
             Self::Cam(trigger, cam) => cam.run(*trigger, place, body, to),
             Self::Parameter { name, value } => {
-                for known in ["COMPASS_AUTODEC", "COMPASS_DEC", "COMPASS_USE"] {
+                for known in ["COMPASS_AUTODEC", "COMPASS_DEC", "COMPASS_USE", "AHRS_EKF_TYPE"] {
                     let stored = body.get(*name..name + 16)?;
                     if stored.starts_with(known.as_bytes()) && stored.get(known.len()).is_none_or(|b| *b == 0)
                     {

@@ -196,6 +196,26 @@ fn the_mounts_actual_angles_are_counted_from_north() {
 }
 
 #[test]
+fn velocities_are_those_of_the_filters_primary_core() {
+    let mut log = formats();
+    log.extend(fmt(12, 13, "XKF4", "QBb", "TimeUS,C,PI"));
+    for (core, north) in [(0, 1.0), (1, 2.0)] {
+        let start = [U64(1_000_000), U8(core), I16(0), I16(0), U16(0)];
+        let numbers = [F(north), F(-3.0), F(0.5), F(0.0), F(0.0), F(0.0), F(0.0)];
+        let end = [I16(0), I16(0), I16(0), I32(0)];
+        log.extend(message(8, &[&start[..], &numbers, &end].concat()));
+    }
+    let first = read(&log).unwrap();
+    assert_eq!((first.velocities.len(), first.velocities[0].value.x()), (1, 1.0));
+    for primary in [0, 1, 1] {
+        log.extend(message(12, &[U64(1), U8(0), U8(primary)]));
+    }
+    let primary = read(&log).unwrap();
+    assert_eq!((primary.velocities.len(), primary.velocities[0].value.x()), (1, 2.0));
+    assert!(primary.origins.iter().any(|o| o.from.starts_with("XKF1.VN") && o.meaning.contains("core 1")));
+}
+
+#[test]
 fn ranges_are_made_vertical_and_only_good_ones_taken() {
     let mut log = formats();
     log.extend(att(1_000_000, 6_000 - 1, 0, 0));

@@ -274,14 +274,12 @@ pub(super) fn walk(
             continue;
         }
         let body = &bytes[at + HEADER..after];
+        if kind == b'F' && formats.add(&String::from_utf8_lossy(body)).is_none() {
+            quarantine.add(place, format!("format at byte {at} cannot be read"));
+        }
         match kind {
             b'D' => visit(Event::Data(place, u16::from_le_bytes([body[0], body[1]]), &body[2..])),
             b'B' => sections.appended = flags(body, bytes.len())?,
-            b'F' => {
-                if formats.add(&String::from_utf8_lossy(body)).is_none() {
-                    quarantine.add(place, format!("format at byte {at} cannot be read"));
-                }
-            }
             b'A' => subscribe(body, &formats, &mut known, &mut visit),
             b'P' => {
                 if let Some((name, value)) = parameter(body) {

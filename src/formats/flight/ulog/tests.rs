@@ -365,7 +365,20 @@ fn a_real_log_on_the_bench_stands_still() {
         let LoggedAttitude::Body { angles, .. } = sample.value else { panic!() };
         assert!((angles.roll.degrees() - 1.0).abs() < 0.5 && angles.pitch.degrees().abs() < 0.5);
     }
+    // The filter's velocities are marked not valid, the receiver's are valid; 0.242 m/s down in its first message.
+    assert_eq!(log.velocities.len(), 32);
+    assert!((log.velocities[0].value.z() - 0.242).abs() < 1e-6);
+    assert!(!log.heights_above_ground.is_empty());
     assert!(log.bad.is_empty(), "{:?}", log.bad);
+}
+
+#[test]
+fn a_real_log_loses_nothing_to_bytes_put_in() {
+    let Some((_, mut bytes)) = real() else { return };
+    let middle = bytes.len() / 2;
+    bytes.splice(middle..middle, [0x5A; 20]);
+    let log = read(&bytes).unwrap();
+    assert!(log.attitudes.len() >= 1297 && !log.bad.is_empty(), "{}", log.attitudes.len());
 }
 
 proptest! {
