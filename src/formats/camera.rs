@@ -85,7 +85,8 @@ pub fn camera_from_text(file: &Path, text: &str, choice: &CameraChoice) -> Resul
     let start = text.trim_start();
     let has_key = |key: &str| text.lines().any(|line| line.trim_start().starts_with(key));
     if start.starts_with(['{', '[']) {
-        let read = if opensfm::is_it(text) { opensfm::from_text } else { own::from_text };
+        let read =
+            if opensfm::is_it(text) && !own::is_it(text) { opensfm::from_text } else { own::from_text };
         read(file, text, choice)
     } else if start.starts_with('<') {
         metashape::from_text(file, text, choice)

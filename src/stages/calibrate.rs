@@ -191,7 +191,9 @@ fn write_exports(config: &Config, camera: &Camera, context: &RunContext) -> Resu
     };
     for format in [CameraFormat::OpenCv, CameraFormat::Ros, CameraFormat::OpenSfm] {
         match export(camera, format, &name) {
-            Ok(exported) => write(format.file_name(), exported).map(|_| ())?,
+            Ok(exported) => {
+                write(format.file_name(), exported)?;
+            }
             Err(error) => tracing::info!("no {}: {error}", format.file_name()),
         }
     }

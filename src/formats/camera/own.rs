@@ -160,6 +160,11 @@ pub fn camera_json(camera: &Camera, source: serde_json::Value) -> String {
     text
 }
 
+/// True of a text that names our format.
+pub(super) fn is_it(text: &str) -> bool {
+    text.contains(FORMAT)
+}
+
 /// The camera in a file of our format.
 pub(super) fn from_text(file: &Path, text: &str, choice: &CameraChoice) -> Result<Camera, InputError> {
     /// What says whether the rest can be understood at all.
