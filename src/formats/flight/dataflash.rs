@@ -387,7 +387,10 @@ impl Collected {
     }
 
     fn shoot(&mut self, trigger: bool, shot: Shot) {
-        if trigger { self.triggers.push(shot) } else { self.shots.push(shot) }
+        let shots = if trigger { &mut self.triggers } else { &mut self.shots };
+        if self.quarantine.has_room(shot.exposure.place, shots.len()) {
+            shots.push(shot);
+        }
     }
 }
 

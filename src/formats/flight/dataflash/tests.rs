@@ -303,6 +303,16 @@ fn a_bad_record_takes_only_itself_along() {
 }
 
 #[test]
+fn exposures_without_end_are_cut_off() {
+    let mut log = fmt(4, 3, "CAM", "", "");
+    for _ in 0..200_500 {
+        log.extend([0xA3, 0x95, 4]);
+    }
+    let log = read(&log).unwrap();
+    assert_eq!((log.exposures.len(), log.bad.len()), (200_000, 500));
+}
+
+#[test]
 fn what_is_no_dataflash_log_is_refused_with_the_next_step() {
     for bytes in [&b""[..], b"FMT, 128, 89, FMT, BBnNZ", &[0xA3, 0x95, 0x80], &[0; 5000]] {
         let error = read(bytes).unwrap_err();
