@@ -212,12 +212,11 @@ fn centre(frame: &GeoreferencedFrame, projection: &Projection) -> Vec<Quantity> 
 
 impl fmt::Display for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: line {} of the log", self.frame, self.log_line)?;
+        write!(f, "{}: {}", self.frame, self.found)?;
         match self.time_s {
             Some(time) => writeln!(f, ", exposed at {time} s")?,
             None => writeln!(f)?,
         }
-        writeln!(f, "{}", self.found)?;
         writeln!(f, "\nread")?;
         for origin in &self.read {
             writeln!(f, "  {:<28} {}: {}", origin.quantity, origin.from, origin.meaning)?;
