@@ -1,6 +1,11 @@
 //! One simulated flight, told by every kind of log: each leads to the true targets. The logs are written here from the
 //! simulator's own table of true poses, with formulas written out on the spot.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "shares no conversion with the library; writes logs to be read"
+)]
+
 use crate::simulated::{COLUMNS, MOUNT, pipeline_with, scenario, worst_target};
 use crate::surveys::{pipeline, seneca_camera, shared};
 use boresight::camera::{Camera, Lens, LensKind, MAX_INTERIOR};
@@ -117,9 +122,10 @@ fn exterior_orientations_of_other_programs_lead_to_the_targets() {
     let (mut pix4d, mut orthority, mut metashape, mut geo) = (
         "imageName X Y Z Omega Phi Kappa\n".to_owned(),
         "filename,longitude,latitude,altitude,roll,pitch,yaw,camera\n".to_owned(),
-        "# CoordinateSystem: PROJCS[\"WGS 84 / UTM zone 33N\",GEOGCS[\"WGS 84\"],AUTHORITY[\"EPSG\",\"32633\"]]\n\
-         # PhotoID, X, Y, Z, Omega, Phi, Kappa\n"
-            .to_owned(),
+        format!(
+            "# CoordinateSystem: {}\n# PhotoID, X, Y, Z, Omega, Phi, Kappa\n",
+            utm.wkt().replace('\n', " ")
+        ),
         "EPSG:32633\n".to_owned(),
     );
     for frame in &frames {
@@ -437,4 +443,35 @@ fn dji_photos_state_the_poses_of_their_log() {
         notes.contains("DJI_0024.JPG to DJI_0029.JPG") && notes.contains("Windows Photo Viewer"),
         "{notes}"
     );
+}
+
+/// The seeds of the fuzzers are files as they should be; each reader takes its own.
+#[test]
+fn seeds_of_the_fuzzers_are_read() {
+    use boresight::formats::camera::{CameraChoice, camera_from_text};
+    use boresight::formats::flight::{dataflash, sbet, tlog, ulog};
+    use boresight::formats::metadata;
+    let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds");
+    let bytes = |name: &str| std::fs::read(seeds.join(name)).unwrap();
+    for (name, read) in [
+        ("dataflash", dataflash::read as fn(&[u8]) -> _),
+        ("ulog", ulog::read),
+        ("tlog", tlog::read),
+        ("sbet", sbet::read),
+    ] {
+        let log: boresight::formats::flight::FlightLog = read(&bytes(&format!("binary_logs/{name}"))[1..])
+            .unwrap_or_else(|e: boresight::formats::flight::ReadError| panic!("{name}: {e:?}"));
+        assert!(log.positions.len() >= 3 && log.attitudes.len() >= 3, "{name}: {log:?}");
+    }
+    for name in ["dji.jpg", "sensefly.tif"] {
+        let photo = metadata::read(&mut std::io::Cursor::new(bytes(&format!("metadata/{name}")))).unwrap();
+        assert!(photo.exposure.position.is_some(), "{name}: {photo:?}");
+    }
+    for file in std::fs::read_dir(seeds.join("camera_file")).unwrap() {
+        let file = file.unwrap().path();
+        let text = std::fs::read_to_string(&file).unwrap();
+        let camera =
+            camera_from_text(&file, &text, &CameraChoice::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((camera.width, camera.height), (640, 480), "{}", file.display());
+    }
 }

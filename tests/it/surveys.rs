@@ -71,7 +71,8 @@ fn seneca_errors(folder: &Path, pipeline_file: &str, ground: GroundOf) -> Vec<f6
         .rows()
         .map(|r| {
             let at = Geodetic::from_degrees(r.number(lat).unwrap(), r.number(lon).unwrap(), 0.0);
-            let h = r.number(height).unwrap() + Geoid::Grids.undulations(GeoidModel::Egm96, &[at]).unwrap()[0];
+            let h =
+                r.number(height).unwrap() + Geoid::Grids.undulations(GeoidModel::Egm96, &[at]).unwrap()[0];
             (r.text(name).to_owned(), (r.number(east).unwrap(), r.number(north).unwrap(), h))
         })
         .collect();

@@ -15,6 +15,9 @@ use std::path::Path;
 /// A pose for each image in order, or why it has none.
 pub(super) type Poses = Vec<Result<Posed, String>>;
 
+/// A row's place and what it says.
+type Said = (u64, Result<Posed, String>);
+
 /// Who names the images.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Holder<'a> {
@@ -62,7 +65,7 @@ pub(super) fn by_name(
     let names = Names::of(images);
     let antennas = antennas(&log.exposures, conventions)?;
     // What each image's rows say; their places.
-    let mut rows: BTreeMap<String, Vec<(u64, Result<Posed, String>)>> = BTreeMap::new();
+    let mut rows: BTreeMap<String, Vec<Said>> = BTreeMap::new();
     let mut nameless = log.exposures.iter().filter(|exposure| exposure.frame.is_none()).count();
     for (exposure, antenna) in log.exposures.iter().zip(antennas) {
         let Some(name) = &exposure.frame else { continue };
