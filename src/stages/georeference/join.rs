@@ -223,3 +223,31 @@ fn unmatched<'a>(names: impl ExactSizeIterator<Item = &'a String>, file: &str, n
         notes.push(format!("{count} rows of {file} name no image of the folder; the first: \"{first}\""));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_in_logs_find_the_one_image_they_can_mean() {
+        let images: Vec<String> =
+            ["IMG 1.jpg", "a\"b'.JPG", "x.jpg", "x.tif", "Ärger.jpg"].map(str::to_owned).to_vec();
+        let mut sorted = images.clone();
+        sorted.sort();
+        let names = Names::of(&sorted);
+        for (said, image) in [
+            ("IMG 1.jpg", "IMG 1.jpg"),
+            ("img 1", "IMG 1.jpg"),
+            ("a\"b'.jpg", "a\"b'.JPG"),
+            // A path is only text: what counts is the name at its end.
+            ("../../etc/x.jpg", "x.jpg"),
+            ("C:\\flight\\x.tif", "x.tif"),
+            ("ärger.JPG", "Ärger.jpg"),
+        ] {
+            assert_eq!(names.image_of(said), image, "{said}");
+        }
+        // Two images have this stem: none is guessed.
+        assert_eq!(names.image_of("x"), "x");
+        assert_eq!(names.image_of(".."), "..");
+    }
+}

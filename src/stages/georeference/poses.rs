@@ -9,7 +9,8 @@ use crate::config::height::{Height, HeightDatum, VerticalDatum};
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
 use crate::formats::flight::{
-    Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, North, Origin, Sample,
+    Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, LoggedStd, North, Origin,
+    Sample,
 };
 use crate::formats::geoid::Geoid;
 use crate::formats::log::{height_kind, north};
@@ -42,6 +43,8 @@ pub struct PoseSource {
     pub origins: Arc<[Origin]>,
     /// What was done to the numbers on the way, in sentences.
     pub applied: Vec<String>,
+    /// What the record says its own values are worth.
+    pub std: LoggedStd,
 }
 
 /// The mount as declared, in the types of the chain; angles that the log is to give are those of [`GimbalAngles::NADIR`]
@@ -315,6 +318,15 @@ impl<'a> Conventions<'a> {
             .gimbal
             .or_else(|| Some(LoggedGimbal { angles: around.as_ref()?.gimbal?, reference: series.gimbal? }));
         let mut mount = mount(self.declared);
+        if exposure.camera_from_antenna.is_some() {
+            // The record's own offset is the whole way to the camera.
+            mount = Mount {
+                antenna_in_body: Displacement::zero(),
+                gimbal_in_body: Displacement::zero(),
+                camera_in_gimbal: Displacement::zero(),
+                ..mount
+            };
+        }
         let gimbal = match stated {
             // The pose is the camera's own: there is nothing between it and the record.
             Some(stated) if !matches!(stated, LoggedAttitude::Body { .. }) => {
@@ -350,7 +362,7 @@ impl<'a> Conventions<'a> {
         };
         let series = if around.is_some() { self.origins } else { &[] };
         let origins = exposure.origins.iter().chain(series).cloned().collect();
-        Ok(Posed { record, mount, source: PoseSource { found, origins, applied } })
+        Ok(Posed { record, mount, source: PoseSource { found, origins, applied, std: exposure.std } })
     }
 
     /// What was done to the height, beyond what its origin says.
