@@ -133,11 +133,21 @@ fn propose(root: &Path, file: &Path, base: &Path, scan: &Scan) -> Result<(Writte
         scenario: scenario(scan, photos),
     };
     for other in scan.photos.iter().skip(1).filter(|other| !other.of_target) {
-        left_out.push(format!(
-            "{}: {} more photos; a pipeline takes those of one folder",
-            shown(root, &other.folder),
-            other.photos.len()
-        ));
+        left_out.push(match &other.photos[..] {
+            [one] => format!(
+                "{}: a picture outside the photos' folder",
+                shown(root, &other.folder.join(&one.name))
+            ),
+            many => format!(
+                "{} more photos in {}: a pipeline takes those of one folder",
+                many.len(),
+                if other.folder == root {
+                    "the folder itself".to_owned()
+                } else {
+                    shown(root, &other.folder)
+                }
+            ),
+        });
     }
     let sources = poses::sources(&survey, &mut left_out);
     if sources.is_empty() {
@@ -197,24 +207,19 @@ fn scenario(scan: &Scan, photos: &PhotoFolder) -> Option<Scenario> {
 /// Files that were understood and have no place in the pipeline.
 fn not_used(survey: &Survey<'_>) -> Vec<String> {
     let known = |path: &Path| survey.tables.iter().any(|table| table.path == path);
-    let mut notes = Vec::new();
+    let (mut notes, mut alien) = (Vec::new(), Vec::new());
     for found in &survey.scan.files {
         let name = shown(survey.root, &found.path);
         match &found.kind {
             FileKind::Raster(scan::RasterKind::Other) => {
-                notes.push(format!("{name}: a picture with a place on the map, no photo"))
+                notes.push(format!("{name}: a picture with a place on the map, no photo"));
             }
-            FileKind::Table { .. } if !known(&found.path) => {
-                notes.push(format!("{name}: a table that places none of the photos (or many times each)"));
-            }
+            FileKind::Table { .. } if !known(&found.path) => alien.push(name),
             _ => {}
         }
     }
-    for table in survey.tables.iter().filter(|table| !table.is_complete() && table.half_turned.is_empty()) {
-        notes.push(format!(
-            "{}: names photos, but no position and attitude were understood",
-            shown(survey.root, &table.path)
-        ));
+    if !alien.is_empty() {
+        notes.push(format!("{}: tables without a row for each photo", alien.join(", ")));
     }
     notes
 }
@@ -261,8 +266,11 @@ fn body(survey: &Survey<'_>, source: &Source, left_out: &mut Vec<String>) -> Vec
     lines.push(Line::Key("images".to_owned(), quoted_path(survey.base, &survey.photos.folder)));
     lines.push(Line::Note("The UTM zone of the survey; or an EPSG code.".to_owned()));
     lines.push(text("crs", "auto"));
-    lines.extend(source.lines.iter().cloned());
-    let ground = ground::ground(survey, source, left_out);
+    let (takeoff, ground) = ground::ground(survey, source, left_out);
+    // The keys of the log's own table come before the table of its columns.
+    let columns = source.lines.iter().position(|line| *line == Line::Table("georeference.log.columns"));
+    let (log, columns) = source.lines.split_at(columns.unwrap_or(source.lines.len()));
+    lines.extend(log.iter().cloned().chain(takeoff).chain(columns.iter().cloned()));
     let on_model = ground.iter().any(|line| matches!(line, Line::Key(_, value) if *value == quoted("dem")));
     lines.extend(poses::mount(survey, source));
     lines.extend(poses::turned(survey, source));

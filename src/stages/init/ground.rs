@@ -3,7 +3,7 @@
 use super::Survey;
 use super::poses::{Source, kind, median, place};
 use super::scan::{FileKind, RasterKind, shown};
-use super::write::{Line, quoted_path, text};
+use super::write::{Line, quoted_path, rounded, text};
 use crate::config::height::VerticalDatum;
 use crate::formats::crs::Projection;
 use crate::formats::elevation::read_elevation;
@@ -57,8 +57,8 @@ struct Model<'a> {
     spacing_m: f64,
 }
 
-/// `[georeference.ground]`, and why.
-pub fn ground(survey: &Survey<'_>, source: &Source, left_out: &mut Vec<String>) -> Vec<Line> {
+/// Lines of `[georeference.log]` for heights that count from the take-off point, and `[georeference.ground]`; and why.
+pub fn ground(survey: &Survey<'_>, source: &Source, left_out: &mut Vec<String>) -> (Vec<Line>, Vec<Line>) {
     let cameras: Vec<Camera> = source
         .exposures
         .iter()
@@ -75,10 +75,37 @@ pub fn ground(survey: &Survey<'_>, source: &Source, left_out: &mut Vec<String>) 
         .and_then(|first| Geoid::Grids.undulations(GeoidModel::Egm96, &[*first]).ok()?.first().copied());
     let mut lines = vec![Line::Table("georeference.ground")];
     match model(survey, &at, left_out) {
-        Some(model) => with_model(survey, source, &model, &cameras, undulation, &mut lines),
-        None => without_model(survey, source, &cameras, &mut lines),
+        Some(model) => {
+            let below = model.below.iter().flatten().next().copied().unwrap_or(0.0);
+            with_model(survey, source, &model, &cameras, undulation, &mut lines);
+            (takeoff(&cameras, Some(below)), lines)
+        }
+        None => {
+            without_model(survey, source, &cameras, 0.0, &mut lines);
+            (takeoff(&cameras, None), lines)
+        }
     }
-    lines
+}
+
+/// The take-off point's height, where the log's heights count from it.
+fn takeoff(cameras: &[Camera], below_first_m: Option<f64>) -> Vec<Line> {
+    let Some(HeightKind::AboveTakeoff | HeightKind::Barometric) = cameras.first().map(|camera| camera.kind)
+    else {
+        return Vec::new();
+    };
+    let why = match below_first_m {
+        Some(_) => {
+            "how high above the sea is the take-off point, from which the heights count? Meanwhile it is the elevation \
+             model's height below the first photo; frames come out as many metres too high or too low as that is off"
+        }
+        None => {
+            "how high above the sea is the take-off point, from which the heights count? Meanwhile 0 m, and the ground lies \
+             at it: places do not suffer, heights of the products do"
+        }
+    };
+    let value =
+        format!("{{ value = \"{} m\", datum = \"egm96\" }}", rounded(below_first_m.unwrap_or(0.0), 1));
+    vec![Line::Question(why.to_owned()), Line::Key("takeoff_height".to_owned(), value)]
 }
 
 /// The model with heights below most photos; of equals the finest.
@@ -255,7 +282,13 @@ fn heights_below(model: &Model<'_>, cameras: &[Camera], n: f64) -> Heights {
     )
 }
 
-fn without_model(survey: &Survey<'_>, source: &Source, cameras: &[Camera], lines: &mut Vec<Line>) {
+fn without_model(
+    survey: &Survey<'_>,
+    source: &Source,
+    cameras: &[Camera],
+    takeoff_m: f64,
+    lines: &mut Vec<Line>,
+) {
     let all = source.exposures.len();
     let above_ground =
         source.exposures.iter().filter_map(|e| e.height_above_ground_m).filter(|h| *h > 0.0).count();
@@ -269,6 +302,17 @@ fn without_model(survey: &Survey<'_>, source: &Source, cameras: &[Camera], lines
         lines.push(text("kind", "plane"));
         lines.push(text("height", &format!("{} m", scenario.site.ground_height_ellipsoid_m)));
         lines.push(text("datum", "ellipsoid"));
+        return;
+    }
+    if let Some(HeightKind::AboveTakeoff | HeightKind::Barometric) = cameras.first().map(|camera| camera.kind)
+    {
+        lines.push(Line::Assumed(
+            "the ground is level at the height of the take-off point. No elevation model was found"
+                .to_owned(),
+        ));
+        lines.push(text("kind", "plane"));
+        lines.push(text("height", &format!("{} m", rounded(takeoff_m, 1))));
+        lines.push(text("datum", "egm96"));
         return;
     }
     let ground = |camera: &Camera| Some(camera.height - camera.above_takeoff?);
@@ -289,6 +333,10 @@ fn without_model(survey: &Survey<'_>, source: &Source, cameras: &[Camera], lines
         lines.push(text("datum", word(datum)));
         return;
     }
+    if let Some(points) = points_below(survey, cameras) {
+        lines.extend(points);
+        return;
+    }
     lines.push(Line::Question(
         "how high is the ground? No elevation model was found, and no photo says how high above take-off or ground it was \
          taken. Meanwhile it lies 100 m below each photo; frames come out as many per cent too large or too small as that is \
@@ -297,6 +345,52 @@ fn without_model(survey: &Survey<'_>, source: &Source, cameras: &[Camera], lines
     ));
     lines.push(text("kind", "below_camera"));
     lines.push(text("height_above_ground", "100 m"));
+}
+
+/// The ground by points that somebody measured where the photos were taken.
+fn points_below(survey: &Survey<'_>, cameras: &[Camera]) -> Option<Vec<Line>> {
+    /// Half a kilometre beyond the photos, in radians of latitude.
+    const MARGIN: f64 = 500.0 / 6_371_000.0;
+    let bounds = |of: &dyn Fn(&Geodetic) -> f64| {
+        let values = cameras.iter().map(|camera| of(&camera.at));
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+    };
+    let (south, north) = bounds(&|at| at.latitude.get());
+    let (west, east) = bounds(&|at| at.longitude.get());
+    let inside = |at: &&Geodetic| {
+        let (latitude, longitude) = (at.latitude.get(), at.longitude.get());
+        let wide = MARGIN / latitude.cos();
+        (south - MARGIN..=north + MARGIN).contains(&latitude)
+            && (west - wide..=east + wide).contains(&longitude)
+    };
+    let of_table = |path: &Path, delimiter| {
+        let points = super::tables::points(path, delimiter)?;
+        let heights: Vec<f64> = points.places.iter().filter(inside).map(|at| at.height.get()).collect();
+        (heights.len() >= 3).then_some((points, heights))
+    };
+    let tables = survey.scan.files.iter().filter_map(|found| match found.kind {
+        FileKind::Table { delimiter } if survey.tables.iter().all(|table| table.path != found.path) => {
+            of_table(&found.path, delimiter)
+        }
+        _ => None,
+    });
+    let mut tables: Vec<_> = tables.collect();
+    tables.sort_by_key(|(_, heights)| std::cmp::Reverse(heights.len()));
+    let (points, heights) = tables.into_iter().next()?;
+    let (low, high) =
+        heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let middle = median(heights.clone())?;
+    Some(vec![
+        Line::Assumed(format!(
+            "the ground is level at the median height of the {} points of {} that lie among the photos ({low:.1} to {high:.1} \
+             m). No elevation model was found, and no photo says how high above take-off it was taken",
+            heights.len(),
+            shown(survey.root, &points.path)
+        )),
+        text("kind", "plane"),
+        text("height", &format!("{middle:.1} m")),
+        text("datum", points.datum),
+    ])
 }
 
 /// The datum of a height that is absolute.

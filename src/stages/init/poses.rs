@@ -14,6 +14,8 @@ use std::path::Path;
 
 /// Logs larger than this are not read to see what is in them.
 const MOST_LOG_BYTES: u64 = 1 << 30;
+/// Positions nearer than this are the same, rounded.
+const REPEATS_M: f64 = 0.5;
 /// A source has to place this share of the photos.
 const ENOUGH: f64 = 0.5;
 
@@ -94,6 +96,23 @@ pub fn sources(survey: &Survey<'_>, left_out: &mut Vec<String>) -> Vec<Source> {
             None => usual.push(source),
         }
     }
+    for table in survey.tables.iter().filter(|table| !table.is_complete() && !table.exposures.is_empty()) {
+        let name = shown(survey.root, &table.path);
+        let read = of_file(survey, &table.path, LogFormat::Geoinfo);
+        let apart = own.as_ref().and_then(|own| difference(&own.exposures, &table.exposures));
+        match (read, apart) {
+            (Ok(_), Some(apart)) if apart.metres < REPEATS_M => {
+                left_out.push(format!("{name}: repeats the positions of the photos ({})", apart.words()));
+            }
+            (Ok(source), _)
+                if source.attitude != Attitude::Missing && !table.is_reference && enough(&source) =>
+            {
+                better.push(source);
+            }
+            (Ok(_), _) => left_out.push(format!("{name}: holds positions of photos, no attitudes")),
+            (Err(cause), _) => left_out.push(format!("{name}: {cause}")),
+        }
+    }
     usual.sort_by_key(|source| (!source.by_name, std::cmp::Reverse(source.exposures.len())));
     let (own_first, own_late): (Vec<_>, Vec<_>) = own.into_iter().partition(|_| complete);
     better.into_iter().chain(own_first).chain(usual).chain(own_late).chain(last).collect()
@@ -113,7 +132,7 @@ struct Difference {
 
 impl Difference {
     fn is_none(&self) -> bool {
-        self.metres < 0.5 && self.yaw_deg.is_none_or(|yaw| yaw < 1.0)
+        self.metres < REPEATS_M && self.yaw_deg.is_none_or(|yaw| yaw < 1.0)
     }
     fn words(&self) -> String {
         let yaw = self.yaw_deg.map_or(String::new(), |yaw| format!(" and {yaw:.1} deg of yaw"));
@@ -196,18 +215,26 @@ fn of_photos(survey: &Survey<'_>) -> Option<Source> {
         if attitude == Attitude::Missing { ", none of them an attitude" } else { " and attitude" }
     )));
     lines.push(text("format", "photos"));
-    for quantity in ["latitude", "gimbal yaw, elevation, roll", "camera yaw, pitch, roll", "UAV yaw"] {
-        if let Some(origin) = origin(quantity) {
-            lines.push(Line::Note(format!("{quantity}: {}: {}", origin.from, origin.meaning)));
-        }
+    if let Some(origin) = origin("latitude") {
+        lines.push(Line::Note(format!("latitude: {}: {}", origin.from, origin.meaning)));
     }
     let mut heights_are_stated = true;
     if let Some(height) = origin("height") {
         let words = format!("height: {}: {}", height.from, height.meaning);
         // The reader says so itself.
         heights_are_stated =
-            !height.meaning.contains("assumed") && !height.meaning.contains("if the ground disagrees");
-        lines.push(if heights_are_stated { Line::Note(words) } else { Line::Assumed(words) });
+            !["assumed", "if the ground disagrees"].iter().any(|w| height.meaning.contains(w));
+        if heights_are_stated {
+            lines.push(Line::Note(words));
+        } else {
+            lines.push(Line::Assumed(words));
+            lines.push(Line::Dormant("height_datum = \"ellipsoid\"".to_owned()));
+        }
+    }
+    for quantity in ["gimbal yaw, elevation, roll", "camera yaw, pitch, roll", "UAV yaw"] {
+        if let Some(origin) = origin(quantity) {
+            lines.push(Line::Note(format!("{quantity}: {}: {}", origin.from, origin.meaning)));
+        }
     }
     if attitude == Attitude::OfBodyByCourse {
         lines.push(text("heading", "course"));
@@ -572,7 +599,8 @@ pub fn turned(survey: &Survey<'_>, source: &Source) -> Vec<Line> {
         let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
         format!("turned_frames = [{{ frames = [{}], clockwise = \"{clockwise}\" }}]", names.join(", "))
     };
-    let quarter = names(&|e| matches!(e, TurnEvidence::QuarterTurn));
+    let mut quarter = names(&|e| matches!(e, TurnEvidence::QuarterTurn));
+    quarter.extend(survey.photos.swapped.iter().cloned());
     let half = names(&|e| matches!(e, TurnEvidence::PerhapsHalfTurn(_)));
     // A table that says so settles it; as the log its own column is in force.
     let table = survey
@@ -599,8 +627,8 @@ pub fn turned(survey: &Survey<'_>, source: &Source) -> Vec<Line> {
     }
     if !quarter.is_empty() {
         lines.push(Line::Question(format!(
-            "were the stored pixels of these {} photos turned by 90 or by 270 degrees? Their width and height are swapped \
-             against what the camera wrote. Meanwhile nothing is turned back, and they are left out for their size; compare \
+            "were the stored pixels of these {} photos turned by 90 or by 270 degrees? Their width and height are swapped. \
+             Meanwhile nothing is turned back, and they are left out for their size; compare \
              one of them with its neighbours",
             quarter.len()
         )));

@@ -45,6 +45,8 @@ pub struct PhotoFolder {
     pub photos: Vec<Photo>,
     /// Names of images in it that have another size or cannot be read, with the reason.
     pub others: Vec<(String, String)>,
+    /// Those of them whose width and height are swapped against the photos'.
+    pub swapped: Vec<String>,
     /// Whether its name says that it holds photos of a calibration target.
     pub of_target: bool,
 }
@@ -252,11 +254,16 @@ fn photo_folder(root: &Path, folder: PathBuf, images: &[PathBuf]) -> Option<Phot
         *counts.entry(photo.size).or_default() += 1;
     }
     let size = counts.into_iter().max_by_key(|((w, h), count)| (*count, u64::from(*w) * u64::from(*h)))?.0;
-    let (mut photos, mut others) = (Vec::new(), Vec::new());
+    let (mut photos, mut others, mut swapped) = (Vec::new(), Vec::new(), Vec::new());
     for (name, photo) in read {
         match photo {
             Ok(photo) if photo.size == size => photos.push(photo),
-            Ok(photo) => others.push((name, format!("has {} × {} pixels", photo.size.0, photo.size.1))),
+            Ok(photo) => {
+                if photo.size == (size.1, size.0) {
+                    swapped.push(name.clone());
+                }
+                others.push((name, format!("has {} × {} pixels", photo.size.0, photo.size.1)));
+            }
             Err(cause) => others.push((name, cause)),
         }
     }
@@ -265,7 +272,7 @@ fn photo_folder(root: &Path, folder: PathBuf, images: &[PathBuf]) -> Option<Phot
         let part = part.as_os_str().to_string_lossy().to_lowercase();
         ["calib", "target", "chess", "checker", "board"].iter().any(|word| part.contains(word))
     });
-    Some(PhotoFolder { folder, photos, others, of_target })
+    Some(PhotoFolder { folder, photos, others, swapped, of_target })
 }
 
 fn read_photo(path: &Path, name: String) -> Result<Photo, String> {

@@ -2,7 +2,7 @@
 
 use crate::formats::flight::{Exposure, LoggedAttitude, LoggedGimbal, North, geodetic};
 use crate::formats::table::{Row, Table};
-use crate::geodesy::{GeoidModel, HeightKind};
+use crate::geodesy::{Geodetic, GeoidModel, HeightKind};
 use crate::geometry::attitude::YawPitchRoll;
 use crate::navigation::{GimbalAngles, GimbalReference};
 use crate::units::Radians;
@@ -104,16 +104,7 @@ impl Poses {
 #[must_use]
 pub fn read(path: &Path, delimiter: u8, photos: &BTreeSet<&str>) -> Option<Poses> {
     let table = Table::read_path(path, delimiter).ok()?;
-    let bytes = std::fs::read_to_string(path).ok()?;
-    let header =
-        bytes.trim_start_matches('\u{feff}').lines().find(|l| !l.trim().is_empty() && !l.starts_with('#'))?;
-    let names = header.split(char::from(delimiter)).map(|name| name.trim().trim_matches('"'));
-    let mut columns: Vec<Understood> = names.filter(|name| table.has(name)).filter_map(understand).collect();
-    columns.sort_by_key(|column| (column.role, std::cmp::Reverse(column.preferred)));
-    columns.dedup_by_key(|column| column.role);
-    for column in &mut columns {
-        by_values(column, &table);
-    }
+    let columns = columns(path, delimiter, &table)?;
     let stem = path.file_stem()?.to_str()?.to_lowercase();
     let is_reference = ["truth", "true", "reference", "check", "gcp"].iter().any(|word| stem.contains(word));
     let mut poses = Poses {
@@ -126,6 +117,54 @@ pub fn read(path: &Path, delimiter: u8, photos: &BTreeSet<&str>) -> Option<Poses
     };
     read_rows(&mut poses, &table, photos)?;
     (!poses.exposures.is_empty() || !poses.half_turned.is_empty()).then_some(poses)
+}
+
+/// The columns that are understood, the best for each role.
+fn columns(path: &Path, delimiter: u8, table: &Table) -> Option<Vec<Understood>> {
+    let bytes = std::fs::read_to_string(path).ok()?;
+    let header =
+        bytes.trim_start_matches('\u{feff}').lines().find(|l| !l.trim().is_empty() && !l.starts_with('#'))?;
+    let names = header.split(char::from(delimiter)).map(|name| name.trim().trim_matches('"'));
+    let mut columns: Vec<Understood> = names.filter(|name| table.has(name)).filter_map(understand).collect();
+    columns.sort_by_key(|column| (column.role, std::cmp::Reverse(column.preferred)));
+    columns.dedup_by_key(|column| column.role);
+    for column in &mut columns {
+        by_values(column, table);
+    }
+    Some(columns)
+}
+
+/// Points on the ground: a table of places with heights, of no photo and no moment.
+#[derive(Debug)]
+pub struct Points {
+    /// The file.
+    pub path: PathBuf,
+    /// What its heights are measured from, in the pipeline file's words.
+    pub datum: &'static str,
+    /// Places and heights as stated.
+    pub places: Vec<Geodetic>,
+}
+
+/// Reads a table of points; `None` when it is none, or does not say what its heights are measured from.
+#[must_use]
+pub fn points(path: &Path, delimiter: u8) -> Option<Points> {
+    let table = Table::read_path(path, delimiter).ok()?;
+    let columns = columns(path, delimiter, &table)?;
+    let of = |role| columns.iter().find(|column| column.role == role);
+    if [Role::Time, Role::Yaw, Role::Pitch, Role::Roll].into_iter().any(|role| of(role).is_some()) {
+        return None;
+    }
+    let [latitude, longitude, height] = [of(Role::Latitude)?, of(Role::Longitude)?, of(Role::Height)?];
+    let datum = height.says?;
+    let cell = |row: &Row<'_>, column: &Understood| cell(&table, row, column);
+    let places: Vec<Geodetic> = table
+        .rows()
+        .filter_map(|row| {
+            let (latitude, longitude) = (cell(&row, latitude)?, cell(&row, longitude)?);
+            Some(Geodetic::from_degrees(latitude, longitude, cell(&row, height)?))
+        })
+        .collect();
+    (!places.is_empty()).then(|| Points { path: path.to_owned(), datum, places })
 }
 
 fn read_rows(poses: &mut Poses, table: &Table, photos: &BTreeSet<&str>) -> Option<()> {
@@ -150,14 +189,19 @@ fn read_rows(poses: &mut Poses, table: &Table, photos: &BTreeSet<&str>) -> Optio
     Some(())
 }
 
-/// A cell in degrees or metres.
+/// The cell of a role in degrees or metres.
 fn number(poses: &Poses, table: &Table, row: &Row<'_>, role: Role) -> Option<f64> {
-    let column = poses.column(role)?;
+    cell(table, row, poses.column(role)?)
+}
+
+/// A cell in degrees or metres.
+fn cell(table: &Table, row: &Row<'_>, column: &Understood) -> Option<f64> {
     let value = row.number(table.column_named(&column.name).ok()?).ok()?;
     Some(match column.unit {
         "deg_e7" => value * 1e-7,
         "rad" => Radians::new(value).degrees(),
         "ft" => value * 0.3048,
+        "km" => value * 1e3,
         "cm" | "cm/s" => value * 1e-2,
         "mm" => value * 1e-3,
         "km/h" => value / 3.6,
