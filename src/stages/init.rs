@@ -6,6 +6,7 @@
 
 mod camera;
 mod ground;
+mod mount;
 mod poses;
 mod scan;
 mod sigmas;
@@ -272,8 +273,8 @@ fn body(survey: &Survey<'_>, source: &Source, left_out: &mut Vec<String>) -> Vec
     let (log, columns) = source.lines.split_at(columns.unwrap_or(source.lines.len()));
     lines.extend(log.iter().cloned().chain(takeoff).chain(columns.iter().cloned()));
     let on_model = ground.iter().any(|line| matches!(line, Line::Key(_, value) if *value == quoted("dem")));
-    lines.extend(poses::mount(survey, source));
-    lines.extend(poses::turned(survey, source));
+    lines.extend(mount::mount(survey, source));
+    lines.extend(mount::turned(survey, source));
     lines.extend(ground);
     lines.push(Line::Table("mosaic"));
     lines
