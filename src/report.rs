@@ -8,6 +8,7 @@ pub mod calibration;
 pub mod contours;
 pub mod figures;
 pub mod lens_figures;
+pub mod match_figure;
 pub mod numbers;
 pub mod page;
 pub mod sheet;
