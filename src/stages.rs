@@ -6,6 +6,7 @@ pub mod camera;
 pub mod context;
 pub mod explain;
 pub mod georeference;
+pub mod init;
 pub mod locate;
 pub mod mosaic;
 pub mod page;
