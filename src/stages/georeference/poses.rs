@@ -42,6 +42,8 @@ pub struct PoseSource {
     pub origins: Arc<[Origin]>,
     /// What was done to the numbers on the way, in sentences.
     pub applied: Vec<String>,
+    /// Height above the take-off point, metres, where the record states it beside its own height; not applied.
+    pub height_above_takeoff_m: Option<f64>,
 }
 
 /// The mount as declared, in the types of the chain; angles that the log is to give are those of [`GimbalAngles::NADIR`]
@@ -349,7 +351,8 @@ impl<'a> Conventions<'a> {
         };
         let series = if around.is_some() { self.origins } else { &[] };
         let origins = exposure.origins.iter().chain(series).cloned().collect();
-        Ok(Posed { record, mount, source: PoseSource { found, origins, applied } })
+        let height_above_takeoff_m = exposure.height_above_takeoff_m;
+        Ok(Posed { record, mount, source: PoseSource { found, origins, applied, height_above_takeoff_m } })
     }
 
     /// The track at an exposure that does not state everything itself.
