@@ -69,7 +69,7 @@ pub fn coverage_map(map: &CoverageMap) -> Result<Figure, FigureError> {
     let at = |p: [f64; 2]| (left + (p[0] - low[0]) * scale, top + (high[1] - p[1]) * scale);
     let mut scene = scene(WIDTH + 2.0 * MARGIN + LEGEND, TOP + drawn + 52.0);
     text(&mut scene, (MARGIN, 34.0), &map.title, 19, TextAnchor::Start, INK);
-    cells(&mut scene, map, at, scale);
+    cells(&mut scene, map, at);
     outlines(&mut scene, map, at);
     flight_line(&mut scene, map, at);
     for place in &map.rejected {
@@ -110,10 +110,9 @@ fn class_of(count: u16) -> Option<Color> {
 }
 
 /// Runs of equal cells as one rectangle each.
-fn cells(scene: &mut Scene, map: &CoverageMap, at: impl Fn([f64; 2]) -> (f64, f64), scale: f64) {
+fn cells(scene: &mut Scene, map: &CoverageMap, at: impl Fn([f64; 2]) -> (f64, f64)) {
     let (mut x, mut y, mut w, mut h, mut fills) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let side = map.cell_m * scale;
     let kinds: Vec<Option<Color>> = map
         .counts
         .iter()
@@ -126,13 +125,17 @@ fn cells(scene: &mut Scene, map: &CoverageMap, at: impl Fn([f64; 2]) -> (f64, f6
             let first = column;
             column += run.len();
             let Some(fill) = &run[0] else { continue };
-            let place =
-                at([map.corner[0] + first as f64 * map.cell_m, map.corner[1] - row as f64 * map.cell_m]);
-            x.push(place.0);
-            y.push(place.1);
-            // A little more than its size, or seams show between the rows.
-            w.push(run.len() as f64 * side + 0.4);
-            h.push(side + 0.4);
+            let corner = |column: usize, row: usize| {
+                let (x, y) =
+                    at([map.corner[0] + column as f64 * map.cell_m, map.corner[1] - row as f64 * map.cell_m]);
+                // Half units are whole pixels of the PNG: between them, seams would show.
+                ((2.0 * x).round() / 2.0, (2.0 * y).round() / 2.0)
+            };
+            let (upper, lower) = (corner(first, row), corner(column, row + 1));
+            x.push(upper.0);
+            y.push(upper.1);
+            w.push(lower.0 - upper.0);
+            h.push(lower.1 - upper.1);
             fills.push(fill.clone());
         }
     }
@@ -157,11 +160,11 @@ fn outlines(scene: &mut Scene, map: &CoverageMap, at: impl Fn([f64; 2]) -> (f64,
 
 fn flight_line(scene: &mut Scene, map: &CoverageMap, at: impl Fn([f64; 2]) -> (f64, f64)) {
     let points: Vec<(f64, f64)> = map.flown.iter().map(|p| at(*p)).collect();
-    let r = if points.len() > MOST_OUTLINES { 1.3 } else { 3.0 };
+    let (r, stroke_width) = if points.len() > MOST_OUTLINES { (1.3, 0.7) } else { (3.0, 1.3) };
     scene.add(Primitive::PolyLine {
         points: points.clone(),
         stroke: ACCENT,
-        stroke_width: 1.3,
+        stroke_width,
         stroke_dasharray: None,
     });
     for (i, (cx, cy)) in points.into_iter().enumerate() {

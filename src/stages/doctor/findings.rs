@@ -190,8 +190,9 @@ fn coverage(flight: &Flight<'_>) -> Vec<Finding> {
             Severity::Warning,
             "coverage-holes",
             format!(
-                "{} holes of {:.0} m2 in all lie between the frames ({:.1} % of the ground that is seen)",
+                "{} hole{} of {:.0} m2 in all between the frames ({:.1} % of the ground that is seen)",
                 overlap.holes,
+                if overlap.holes == 1 { "" } else { "s" },
                 overlap.holes_m2,
                 100.0 * overlap.holes_m2 / overlap.area_m2
             ),

@@ -23,14 +23,12 @@ pub fn picture(diagnosis: &Diagnosis, title: &str) -> Result<Option<Figure>, Fig
         rejected: diagnosis.rejected_places.clone(),
         words: vec![
             format!("{} frames, {}", diagnosis.views.len(), area(overlap.area_m2)),
-            format!(
-                "{:.0} % seen once, {:.0} % twice, {:.0} % more often",
-                100.0 * overlap.seen_by.one,
-                100.0 * overlap.seen_by.two,
-                100.0 * overlap.seen_by.more
-            ),
+            format!("{:.0} % seen by one frame", 100.0 * overlap.seen_by.one),
+            format!("{:.0} % by two", 100.0 * overlap.seen_by.two),
+            format!("{:.0} % by three or more", 100.0 * overlap.seen_by.more),
             match overlap.holes {
                 0 => "no holes".to_owned(),
+                1 => format!("1 hole, {}", area(overlap.holes_m2)),
                 holes => format!("{holes} holes, {}", area(overlap.holes_m2)),
             },
         ],

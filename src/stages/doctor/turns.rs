@@ -127,7 +127,9 @@ fn verdict(index: usize, name: &str, turns: &[i64], pairs: &[Pair]) -> TurnVerdi
     let voters: usize = votes.iter().sum();
     let best = (1..turns.len()).max_by_key(|turn| (votes[*turn], std::cmp::Reverse(*turn)));
     let outvoted = |mine: usize, other: usize| mine > 2 * other && (mine > 1 || own.len() == 1);
-    let turned = best.filter(|turn| outvoted(votes[*turn], voters - votes[*turn]));
+    // Poses that are off by more than is searched for leave few neighbours that fit, some of them by chance.
+    let turned =
+        best.filter(|turn| outvoted(votes[*turn], voters - votes[*turn]) && 2 * votes[*turn] >= own.len());
     let upright = outvoted(votes[0], voters - votes[0]);
     let mean = |turn: usize| (voters > 0).then(|| sums[turn] / voters as f64);
     TurnVerdict {
