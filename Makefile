@@ -1,6 +1,6 @@
 # boresight's tasks. `make` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check schema deny doc bench fixtures
+.PHONY: help setup demo test check schema deny doc bench fixtures fuzz
 
 help: ## list the tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 18
@@ -25,6 +25,9 @@ schema: setup ## write the pipeline file's JSON Schema
 
 fixtures: setup ## make the demo's input again from its scenario
 	cargo run --release --locked -- simulate fixtures/scenes/demo.toml --output fixtures/demo --force
+
+fuzz: setup ## hostile files at every reader, a minute each (needs a nightly toolchain)
+	scripts/fuzz 60
 
 bench: setup ## compare with orthority in one run (needs python3 with venv)
 	cargo build --release --locked

@@ -55,6 +55,7 @@ fn dispatch(command: Command, console: &Arc<Console>) -> Result<ExitClass, Stage
         Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Explain(arguments) => commands::explain::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments, console),
+        Command::Camera(arguments) => commands::camera::run(&arguments),
         Command::Target(arguments) => commands::target::run(&arguments),
         Command::Schema => commands::schema::run(),
         Command::Completions { shell } => commands::completions::run(shell),

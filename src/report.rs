@@ -9,6 +9,7 @@ pub mod contours;
 pub mod coverage;
 pub mod figures;
 pub mod lens_figures;
+pub mod match_figure;
 pub mod numbers;
 pub mod page;
 pub mod sheet;

@@ -54,6 +54,7 @@ impl Polar {
 ///
 /// - `fold`: off-axis angle at which the image radius turns over, radians.
 /// - `polynomial`: image radius by θ, and its derivative, at θ.
+#[inline]
 pub(super) fn direction(
     distorted: Vector2<f64>,
     fold: f64,
@@ -67,12 +68,14 @@ pub(super) fn direction(
 }
 
 /// (X/Z, Y/Z) of a direction, or `None` 89° and more off axis.
+#[inline]
 pub(super) fn ideal(direction: &Vector3<f64>) -> Option<Vector2<f64>> {
     let within = direction.xy().norm().atan2(direction.z) < LARGEST_TANGENT_ANGLE.get();
     within.then(|| direction.xy() / direction.z)
 }
 
 /// The angle θ < fold of an image radius: Newton's method between bounds, the radius rising up to the fold.
+#[inline]
 fn angle_from_radius(radius: f64, fold: f64, polynomial: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
     const ROUNDS: u32 = 100;
     let (mut low, mut high) = (0.0, fold.min(std::f64::consts::PI));

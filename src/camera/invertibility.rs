@@ -372,7 +372,7 @@ mod tests {
             camera(lens.unwrap(), 1280, 960).invertibility()
         };
         let Invertibility::Proved { to } = lens(-0.13) else { panic!("not proved") };
-        // A Sequoia's corner lies 45° off axis.
+        // The farthest corner lies about 44° off axis.
         assert!((42.0..50.0).contains(&to.degrees()), "{}", to.degrees());
         // 1 − 4 t − 0.09 t² vanishes at t = 0.25, 22° off axis.
         let Invertibility::Unproved { mask } = lens(-2.0) else { panic!("it folds") };

@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn it_agrees_with_pix4ds_formula() {
-        // A Sequoia's numbers; python3 with numpy, the document's eqs. (1)–(4) in the frame x right, y down, z
+        // Numbers like a Sequoia's; python3 with numpy, the document's eqs. (1)–(4) in the frame x right, y down, z
         // forward, and half a pixel from the corner to the pixel's centre:
         //   t = 2/pi*arctan2(hypot(X, Y), Z); rho = t + p2*t**2 + p3*t**3; xh, yh = rho*X/R, rho*Y/R
         //   column = C*xh + D*yh + 626.66 - 0.5; row = E*xh + F*yh + 497.22 - 0.5

@@ -74,6 +74,8 @@ pub enum Command {
     Simulate(SimulateArguments),
     /// Make a calibration target to print in true size, and the table that declares it in a pipeline.
     Target(Box<TargetArguments>),
+    /// Convert a camera file of one program into that of another.
+    Camera(CameraArguments),
     /// Print the JSON Schema of the pipeline file.
     Schema,
     /// Print a completion script for a shell.
@@ -214,6 +216,37 @@ pub struct SimulateArguments {
     /// Print what was written as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `camera`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Formats read, recognised by their content: boresight, OpenCV, ROS, Kalibr, OpenDroneMap and OpenSfM,\northority, Metashape, Pix4D, COLMAP, DJI DewarpData."
+)]
+pub struct CameraArguments {
+    /// The camera file.
+    pub file: PathBuf,
+    /// Format to write: boresight, opencv, ros, odm, kalibr, orthority, metashape, pix4d or colmap.
+    #[arg(long, value_name = "FORMAT", default_value = "boresight")]
+    pub to: String,
+    /// Name of the camera, in a file of several.
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Columns and rows of the photos, for a file that does not state them, for example 4000x3000.
+    #[arg(long, value_name = "WxH", value_parser = image_size)]
+    pub size: Option<(u32, u32)>,
+    /// File to write; without it the camera goes to the terminal.
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace the file if it is there.
+    #[arg(long)]
+    pub force: bool,
+}
+
+fn image_size(text: &str) -> Result<(u32, u32), String> {
+    text.split_once(['x', '×', 'X'])
+        .and_then(|(w, h)| Some((w.trim().parse().ok()?, h.trim().parse().ok()?)))
+        .ok_or_else(|| "write columns and rows as 4000x3000".to_owned())
 }
 
 /// `target`.

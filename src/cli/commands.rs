@@ -1,5 +1,6 @@
 //! One file per command: load, call, print.
 
+pub mod camera;
 pub mod check;
 pub mod completions;
 pub mod explain;

@@ -16,9 +16,16 @@ use super::target::{self, Target, TargetSpec};
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CalibrateSpec {
-    /// A camera file: this program's own JSON (with covariance) or OpenCV's YAML; recognised by its content.
+    /// A camera file: this program's own JSON (with covariance), or one of OpenCV, ROS, Kalibr, OpenDroneMap, orthority,
+    /// Metashape, Pix4D or COLMAP; recognised by its content.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<Located<PathBuf>>,
+    /// Name of the camera in a file of several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_name: Option<Located<String>>,
+    /// Columns and rows of the photos, for a camera file that does not state them: [4000, 3000].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_size: Option<Located<[u32; 2]>>,
     /// Photos of the calibration target: a pattern such as "calibration/*.png", or a list of patterns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photos: Option<Located<Patterns>>,
@@ -278,11 +285,22 @@ impl Calibrate {
     }
 }
 
+/// A camera file, recognised by its content, and what it does not say itself.
+#[derive(Debug, Clone)]
+pub struct CameraFile {
+    /// The file.
+    pub file: Located<PathBuf>,
+    /// Which of its cameras.
+    pub name: Option<String>,
+    /// Columns and rows of the photos.
+    pub image_size: Option<(u32, u32)>,
+}
+
 /// Where the camera comes from.
 #[derive(Debug, Clone)]
 pub enum CameraSource {
-    /// A camera file, recognised by its content.
-    File(Located<PathBuf>),
+    /// A camera file.
+    File(CameraFile),
     /// Parameters written in the pipeline file.
     Parameters(Located<ParametersSpec>),
     /// Photos of a target.
@@ -351,8 +369,16 @@ pub(super) fn resolve(
         resolver.unused(&spec.reference, "reference", "only `photos` and `corners` are compared")?;
         resolver.unused(&spec.report_height, "report_height", "only `photos` and `corners` have a report")?;
     }
+    if spec.camera.is_none() {
+        resolver.unused(&spec.camera_name, "camera_name", "it chooses among the cameras of a camera file")?;
+        resolver.unused(&spec.camera_size, "camera_size", "only a camera file may lack its image size")?;
+    }
     let camera = if let Some(file) = &spec.camera {
-        CameraSource::File(resolver.path(file)?)
+        CameraSource::File(CameraFile {
+            file: resolver.path(file)?,
+            name: spec.camera_name.as_ref().map(|name| name.value.clone()),
+            image_size: spec.camera_size.as_ref().map(|size| (size[0], size[1])),
+        })
     } else if let Some(parameters) = &spec.parameters {
         check_parameters(parameters, resolver)?;
         CameraSource::Parameters(parameters.clone())

@@ -470,10 +470,12 @@ fn mount(
 }
 
 /// Elevation as stated, under either of its names: the key, radians up, the name.
+type StatedElevation<'s> = (&'s Located<Angle>, f64, &'static str);
+
 fn stated_elevation<'s>(
     spec: &'s MountSpec,
     resolver: &Resolver,
-) -> Result<Option<(&'s Located<Angle>, f64, &'static str)>, ConfigError> {
+) -> Result<Option<StatedElevation<'s>>, ConfigError> {
     match (&spec.gimbal_elevation, &spec.gimbal_tilt_down) {
         (Some(_), Some(tilt)) => Err(resolver
             .error(tilt, "`gimbal_tilt_down` and `gimbal_elevation` state the same angle")

@@ -8,6 +8,7 @@ use super::log::columns::{PositionColumns, YawReference};
 use super::log::{AngleSystem, FrameTimes, Join, LogFormat, LogSource};
 use super::target::{HollowSquare, Pattern};
 use super::*;
+use crate::units::Radians;
 
 /// A pipeline that uses nearly every table.
 const FULL: &str = r#"version = 1
@@ -513,7 +514,7 @@ fn a_course_stands_for_the_nose_only_with_its_spread() {
     assert_refused(&course, "[georeference.log]", "how far the nose may be off", "crab_std");
     let stated = changed(&course, "join = \"name\"", "join = \"name\"\ncrab_std = \"10 deg\"");
     let crab = read(&stated).unwrap().georeference.unwrap().log.crab_std_rad.unwrap();
-    assert!((crab.to_degrees() - 10.0).abs() < 1e-12);
+    assert!((Radians::new(crab).degrees() - 10.0).abs() < 1e-12);
     let needless = changed(SHORT, "join = \"name\"", "join = \"name\"\ncrab_std = \"10 deg\"");
     assert_refused(&needless, "crab_std", "would not be used", "");
     let photos = with_log("format = \"photos\"\nheading = \"course\"");

@@ -305,11 +305,11 @@ pub fn geodetic(
     height_m: f64,
     kind: HeightKind,
 ) -> Result<LoggedPosition, String> {
-    // Not finite values fail both comparisons.
-    if !(latitude.degrees().abs() <= 90.0) {
+    // Values that are not finite lie in no range.
+    if !(-90.0..=90.0).contains(&latitude.degrees()) {
         return Err(format!("latitude {}° lies outside ±90°", latitude.degrees()));
     }
-    if !(longitude.degrees().abs() <= 360.0) {
+    if !(-360.0..=360.0).contains(&longitude.degrees()) {
         return Err(format!("longitude {}° lies outside ±360°", longitude.degrees()));
     }
     if latitude.get() == 0.0 && longitude.get() == 0.0 {
@@ -338,7 +338,7 @@ pub fn plausible_height(height_m: f64) -> Result<f64, String> {
 pub fn plausible_angles(angles: YawPitchRoll) -> Result<YawPitchRoll, String> {
     let YawPitchRoll { yaw, pitch, roll } = angles;
     for (name, angle, limit) in [("yaw", yaw, 720.0), ("pitch", pitch, 180.0), ("roll", roll, 360.0)] {
-        if !(angle.degrees().abs() <= limit) {
+        if !(-limit..=limit).contains(&angle.degrees()) {
             return Err(format!(
                 "{name} {:.1}° lies outside ±{limit:.0}°: is its unit right?",
                 angle.degrees()

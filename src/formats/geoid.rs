@@ -21,7 +21,7 @@ pub enum Geoid {
 pub enum GeoidError {
     /// PROJ has no grid for the model.
     #[error(
-        "the grid {grid} of the {model} geoid is not installed, so heights above sea level cannot be used ({cause}); \
+        "the grid {grid} of the {model} geoid is not installed, so heights above sea level cannot be used; \
          {source_of_grid}, or state [georeference.geoid] undulation"
     )]
     NoGrid {

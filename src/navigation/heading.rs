@@ -209,7 +209,7 @@ fn decimal_year(utc: Seconds) -> f64 {
     const DAY: f64 = 86_400.0;
     let days = utc.get() / DAY;
     // 10,000 years about 1970; also stops NaN.
-    if !(days.abs() < 3.6e6) {
+    if days.is_nan() || days.abs() >= 3.6e6 {
         return f64::NAN;
     }
     let mut year = (1970.0 + days / 365.2425).floor() as i64;

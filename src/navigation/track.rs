@@ -6,6 +6,7 @@ use crate::geodesy::{Geodetic, LocalTangent, WGS84};
 use crate::geometry::attitude::YawPitchRoll;
 use crate::geometry::{Body, Displacement, Ned, Point, Rotation};
 use crate::units::Seconds;
+use std::cmp::Ordering;
 
 /// What the ADAHRS knew at one instant.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,7 +112,7 @@ impl<T> Series<T> {
     fn new(name: &'static str, samples: Vec<Sample<T>>) -> Result<Self, TrackError> {
         for pair in samples.windows(2) {
             // Not-a-number does not come after anything.
-            if !(pair[1].time > pair[0].time) {
+            if pair[1].time.partial_cmp(&pair[0].time) != Some(Ordering::Greater) {
                 return Err(TrackError::NotIncreasing {
                     place: pair[1].place,
                     time_s: pair[1].time.get(),

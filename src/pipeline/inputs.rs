@@ -38,7 +38,7 @@ pub fn absent(config: &Config) -> Vec<&Requirement> {
 pub fn declared(config: &Config) -> (Vec<Input>, Vec<StageError>) {
     let mut found = Found { config, inputs: Vec::new(), missing: Vec::new() };
     match &config.calibrate.camera {
-        CameraSource::File(file) => found.file(Stage::Calibrate, "calibrate.camera", file),
+        CameraSource::File(camera) => found.file(Stage::Calibrate, "calibrate.camera", &camera.file),
         CameraSource::Parameters(_) => {}
         CameraSource::Photos(photos) => {
             found.patterns(Stage::Calibrate, "calibrate.photos", &photos.patterns)

@@ -94,6 +94,9 @@ pub struct Survey {
     /// Length of the CRS's unit in metres; `None` for a geographic CRS.
     #[serde(skip)]
     pub unit_m: Option<f64>,
+    /// How photos and the log's exposures were matched, with a picture where times decided.
+    #[serde(skip)]
+    pub matching: Option<CaptionedFigure>,
 }
 
 /// The mosaic.
@@ -216,6 +219,7 @@ pub fn render(page: &Page) -> Result<String, PageError> {
         provenance => Serde(&page.provenance),
         survey => Serde(&page.survey),
         survey_map,
+        matching => page.survey.as_ref().and_then(|s| s.matching.as_ref()).map(captioned),
         mosaic,
         accuracy,
         judged => Serde(&judged),

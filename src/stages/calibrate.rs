@@ -14,10 +14,12 @@ use crate::calibration::{
     Target, ViewPoints, advice, calibrate_with,
 };
 use crate::camera::{Camera, ImagePoint, Invertibility, PixelRotation};
-use crate::config::calibrate::{CameraSource, TargetCorners, TargetPhotos};
+use crate::config::calibrate::{CameraFile, CameraSource, TargetCorners, TargetPhotos};
 use crate::config::{Config, Located};
 use crate::formats::InputError;
-use crate::formats::camera::{CameraFormat, Exported, camera_json, export, read_camera};
+use crate::formats::camera::{
+    CameraChoice, CameraFormat, Exported, camera_json, export, read_camera, read_chosen_camera,
+};
 use crate::formats::corners::read_pairs;
 use crate::report::calibration::ChoiceNumbers;
 use model::{Fitted, fit};
@@ -103,9 +105,9 @@ pub struct RejectedPhoto {
 pub fn make(config: &Config, context: &RunContext) -> Result<Calibrated, StageError> {
     match &config.calibrate.camera {
         CameraSource::File(file) => {
-            let camera = read_camera(file).map_err(|e| failed(config, e.caused_by(file)))?;
-            let source = json!({ "method": "file", "file": file_name(file) });
-            Ok(Calibrated { inputs: vec![file.value.clone()], ..Calibrated::given(camera, source) })
+            let camera = chosen(config, file)?;
+            let source = json!({ "method": "file", "file": file_name(&file.file) });
+            Ok(Calibrated { inputs: vec![file.file.value.clone()], ..Calibrated::given(camera, source) })
         }
         CameraSource::Parameters(spec) => {
             let camera = camera_from_parameters(config, spec)?;
@@ -114,6 +116,12 @@ pub fn make(config: &Config, context: &RunContext) -> Result<Calibrated, StageEr
         CameraSource::Photos(photos) => from_photos(config, photos, context),
         CameraSource::Corners(corners) => from_corners(config, corners, context),
     }
+}
+
+/// The camera that is meant in a camera file.
+fn chosen(config: &Config, declared: &CameraFile) -> Result<Camera, StageError> {
+    let choice = CameraChoice { name: declared.name.as_deref(), image_size: declared.image_size };
+    read_chosen_camera(&declared.file, &choice).map_err(|e| failed(config, e.caused_by(&declared.file)))
 }
 
 /// True when [`look`] has a camera without calibrating: none is to be estimated, or an earlier run left it.
@@ -134,7 +142,7 @@ pub fn is_left_in(config: &Config, run_folder: &Path) -> bool {
 /// As [`make`], or no earlier run has left a camera.
 pub fn look(config: &Config, run_folder: &Path) -> Result<Camera, StageError> {
     match &config.calibrate.camera {
-        CameraSource::File(file) => read_camera(file).map_err(|e| failed(config, e.caused_by(file))),
+        CameraSource::File(file) => chosen(config, file),
         CameraSource::Parameters(spec) => camera_from_parameters(config, spec),
         CameraSource::Photos(_) | CameraSource::Corners(_) => {
             let file = run_folder.join("calibrate").join(CAMERA_FILE);

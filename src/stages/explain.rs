@@ -2,7 +2,7 @@
 
 use super::georeference::Georeferenced;
 use crate::formats::crs::Projection;
-use crate::formats::flight::Origin;
+use crate::formats::flight::{LoggedStd, Origin};
 use crate::geodesy::{MapProjection, WGS84};
 use crate::geometry::{Displacement, Frame};
 use crate::georeference::GeoreferencedFrame;
@@ -28,6 +28,8 @@ pub struct Explanation {
     pub read: Vec<Origin>,
     /// What was done to the numbers before the chain: north references, offsets.
     pub applied: Vec<String>,
+    /// What the log says its own values are worth, one sigma; empty when it does not say.
+    pub stated_std: Vec<Quantity>,
     /// What the log and the mount said, in our senses.
     pub given: Vec<Quantity>,
     /// Rotation matrices, row by row.
@@ -168,6 +170,7 @@ pub fn explain(frame: &GeoreferencedFrame, survey: &Georeferenced) -> Explanatio
         found: source.map(|source| source.found.clone()).unwrap_or_default(),
         read: source.map(|source| source.origins.to_vec()).unwrap_or_default(),
         applied: source.map(|source| source.applied.clone()).unwrap_or_default(),
+        stated_std: source.map(|source| stated_std(&source.std)).unwrap_or_default(),
         given,
         rotations,
         vectors,
@@ -175,6 +178,21 @@ pub fn explain(frame: &GeoreferencedFrame, survey: &Georeferenced) -> Explanatio
         interior,
         centre: centre(frame, projection),
     }
+}
+
+fn stated_std(std: &LoggedStd) -> Vec<Quantity> {
+    let angle = |angle: Option<Radians>| angle.map(Radians::degrees);
+    [
+        ("std of the position towards north", std.north_m, "m"),
+        ("std of the position towards east", std.east_m, "m"),
+        ("std of the height", std.up_m, "m"),
+        ("std of yaw", angle(std.yaw), "deg"),
+        ("std of pitch", angle(std.pitch), "deg"),
+        ("std of roll", angle(std.roll), "deg"),
+    ]
+    .into_iter()
+    .filter_map(|(name, value, unit)| Some(Quantity { name: name.to_owned(), value: value?, unit }))
+    .collect()
 }
 
 /// The image centre from pixel to map, step by step, as far as it gets.
@@ -212,12 +230,11 @@ fn centre(frame: &GeoreferencedFrame, projection: &Projection) -> Vec<Quantity> 
 
 impl fmt::Display for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: line {} of the log", self.frame, self.log_line)?;
+        write!(f, "{}: {}", self.frame, self.found)?;
         match self.time_s {
             Some(time) => writeln!(f, ", exposed at {time} s")?,
             None => writeln!(f)?,
         }
-        writeln!(f, "{}", self.found)?;
         writeln!(f, "\nread")?;
         for origin in &self.read {
             writeln!(f, "  {:<28} {}: {}", origin.quantity, origin.from, origin.meaning)?;
@@ -227,6 +244,10 @@ impl fmt::Display for Explanation {
         }
         for sentence in &self.applied {
             writeln!(f, "  {sentence}")?;
+        }
+        if !self.stated_std.is_empty() {
+            writeln!(f, "\nstated by the log (1 sigma)")?;
+            quantities(f, &self.stated_std)?;
         }
         writeln!(f, "\ngiven")?;
         quantities(f, &self.given)?;

@@ -394,6 +394,11 @@ pub fn run(config: &Config, camera: &Arc<Camera>, context: &RunContext) -> Resul
     context.write_product("frames.csv", &frames_csv(&survey)?)?;
     if let Some(matching) = &survey.matching {
         context.write_product("matching.csv", &rows_csv(matching.rows.iter())?)?;
+        let figure = matching.figure().map_err(|e| StageError::new(ErrorClass::Bug, e.to_string()))?;
+        if let Some(figure) = figure {
+            context.write_product("matching.svg", figure.svg.as_bytes())?;
+            context.write_product("matching.png", &figure.png)?;
+        }
     }
     context.write_product("footprints.geojson", footprints_geojson(&survey).as_bytes())?;
     if declared.orthos {

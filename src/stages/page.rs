@@ -3,7 +3,7 @@
 use super::accuracy::{CE90_PICTURE, NUMBERS_FILE, RESIDUALS_FIGURE};
 use super::calibrate;
 use super::context::{ErrorClass, Stage, StageError};
-use super::georeference::Georeferenced;
+use super::georeference::{Georeferenced, MatchReport};
 use crate::formats::camera::read_camera;
 use crate::geodesy::{Geodetic, MapPoint, MapProjection, WGS84};
 use crate::report::CalibrationNumbers;
@@ -108,7 +108,18 @@ pub fn survey_section(survey: &Georeferenced, rejected: usize) -> Result<Survey,
         height_above_ground_m: ends(&height),
         frames,
         unit_m: (!projection.is_geographic()).then(|| projection.metres_per_unit()),
+        matching: survey.matching.as_ref().map(matching_figure).transpose()?.flatten(),
     })
+}
+
+/// The residuals between photos and exposures, where times decided.
+fn matching_figure(matching: &MatchReport) -> Result<Option<CaptionedFigure>, StageError> {
+    let figure = matching.figure().map_err(|e| StageError::new(ErrorClass::Bug, e.to_string()))?;
+    Ok(figure.map(|figure| CaptionedFigure {
+        title: "Photos matched with the log's exposures".to_owned(),
+        caption: matching.notes.join(". ") + ". Every pair stands in georeference/matching.csv.",
+        svg: figure.svg,
+    }))
 }
 
 fn bytes(path: &Path) -> Result<Vec<u8>, StageError> {

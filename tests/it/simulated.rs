@@ -13,7 +13,7 @@ use boresight::stages::simulate::simulate;
 use boresight::synthetic::{self, Relief, ReliefShape, Scenario};
 
 /// Hills far north at the edge of a UTM zone, true poses, lever arms, small frames, a camera clock that is fast.
-fn scenario() -> Scenario {
+pub fn scenario() -> Scenario {
     let mut scenario = Scenario::demo();
     scenario.camera = synthetic::Camera {
         width_px: 384,
@@ -35,7 +35,7 @@ fn scenario() -> Scenario {
     scenario
 }
 
-const COLUMNS: &str = r#"
+pub const COLUMNS: &str = r#"
 latitude = { column = "latitude_deg", unit = "deg" }
 longitude = { column = "longitude_deg", unit = "deg" }
 height = { column = "height_ellipsoid_m", unit = "m", datum = "ellipsoid" }
@@ -45,7 +45,19 @@ roll = { column = "roll_deg", unit = "deg", sense = "right_wing_down" }
 ground_speed = { column = "ground_speed_m_s", unit = "m/s" }
 "#;
 
-fn pipeline(log: &str, columns: &str, frames: &str) -> String {
+/// How the simulated camera is mounted.
+pub const MOUNT: &str = r#"
+[georeference.mount]
+gimbal_pan = "-90 deg"
+gimbal_elevation = "-90 deg"
+antenna_in_body = { forward = "-0.3 m", down = "-0.25 m" }
+gimbal_in_body = { forward = "0.45 m", down = "0.2 m" }
+camera_in_gimbal = { forward = "0.05 m" }
+boresight = { roll = "1.3 deg", yaw = "-2.1 deg" }
+"#;
+
+/// The pipeline of the simulated survey with a log, and a mount where the log does not state the camera's own pose.
+pub fn pipeline_with(log: &str, mount: &str) -> String {
     format!(
         r#"
 version = 1
@@ -59,19 +71,8 @@ camera = "camera.json"
 [georeference]
 images = "survey/images"
 
-[georeference.log]
 {log}
-[georeference.log.columns]
-{columns}{COLUMNS}
-{frames}
-[georeference.mount]
-gimbal_pan = "-90 deg"
-gimbal_elevation = "-90 deg"
-antenna_in_body = {{ forward = "-0.3 m", down = "-0.25 m" }}
-gimbal_in_body = {{ forward = "0.45 m", down = "0.2 m" }}
-camera_in_gimbal = {{ forward = "0.05 m" }}
-boresight = {{ roll = "1.3 deg", yaw = "-2.1 deg" }}
-
+{mount}
 [georeference.ground]
 kind = "dem"
 file = "survey/dem.tif"
@@ -80,8 +81,15 @@ datum = "ellipsoid"
     )
 }
 
+fn pipeline(log: &str, columns: &str, frames: &str) -> String {
+    pipeline_with(
+        &format!("[georeference.log]\n{log}\n[georeference.log.columns]\n{columns}{COLUMNS}\n{frames}"),
+        MOUNT,
+    )
+}
+
 /// Greatest distance between a true target and where its true pixel is georeferenced, metres; number of observations.
-fn worst_target(folder: &Path, pipeline: &str) -> (f64, usize) {
+pub fn worst_target(folder: &Path, pipeline: &str) -> (f64, usize) {
     let config =
         Config::from_text(&folder.join("pipeline.toml"), pipeline, &[]).unwrap_or_else(|e| panic!("{e}"));
     let c = scenario().camera;

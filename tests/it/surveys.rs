@@ -5,7 +5,7 @@ use boresight::config::Config;
 use boresight::formats::crs::Projection;
 use boresight::formats::geoid::Geoid;
 use boresight::formats::table::Table;
-use boresight::geodesy::{Geodetic, MapProjection};
+use boresight::geodesy::{Geodetic, GeoidModel, MapProjection};
 use boresight::georeference::GeoreferencedFrame;
 use boresight::stages::georeference::georeference;
 use std::collections::BTreeMap;
@@ -71,7 +71,8 @@ fn seneca_errors(folder: &Path, pipeline_file: &str, ground: GroundOf) -> Vec<f6
         .rows()
         .map(|r| {
             let at = Geodetic::from_degrees(r.number(lat).unwrap(), r.number(lon).unwrap(), 0.0);
-            let h = r.number(height).unwrap() + Geoid::Egm96.undulations(&[at]).unwrap()[0];
+            let h =
+                r.number(height).unwrap() + Geoid::Grids.undulations(GeoidModel::Egm96, &[at]).unwrap()[0];
             (r.text(name).to_owned(), (r.number(east).unwrap(), r.number(north).unwrap(), h))
         })
         .collect();

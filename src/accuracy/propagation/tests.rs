@@ -11,6 +11,10 @@ use crate::terrain::{ConstantHeight, NoGround};
 use proptest::prelude::*;
 use std::sync::Arc;
 
+/// The pixel's own two parameters come last.
+const COLUMN: usize = PARAMETERS - 2;
+const ROW: usize = PARAMETERS - 1;
+
 /// Everything a parameter can change.
 #[derive(Clone)]
 struct Setup {
@@ -79,11 +83,11 @@ impl Setup {
             16 => {}
             17 => s.ground_height_m += by,
             18..=27 => s.interior[column - 18] += by,
+            COLUMN => s.pixel.column += by,
+            ROW => s.pixel.row += by,
             // Brown's lens has no such terms.
-            28..=30 => {}
-            31 => s.pixel.column += by,
-            32 => s.pixel.row += by,
-            _ => unreachable!("33 parameters"),
+            28..COLUMN => {}
+            _ => unreachable!("there are {PARAMETERS} parameters"),
         }
         s
     }

@@ -1,7 +1,7 @@
 //! What is written is read back; what is wrong is said.
 
 use super::*;
-use crate::camera::{Brown, Fisheye, Rational};
+use crate::camera::{Brown, Fisheye, Pix4dFisheye, Rational, ThinPrism};
 
 fn paper(covariance: Option<InteriorCovariance>) -> Camera {
     let interior =
@@ -47,7 +47,12 @@ fn every_lens_comes_back_from_both_formats() {
         743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.2, 0.1, 1e-3, -2e-3, 0.05, 0.3, -0.05, 0.02,
     ]);
     let fisheye = Fisheye::new([301.5, 299.25, 0.125, 640.5, 480.25, 0.01, -0.02, 0.003, -1e-4]);
-    for lens in [Lens::from(rational.unwrap()), Lens::from(fisheye.unwrap())] {
+    let prism = ThinPrism::new([
+        743.7937, 748.9947, -0.7729, 566.3670, 345.5019, -0.2, 0.1, 1e-3, -2e-3, 0.05, 0.3, -0.05, 0.02,
+        1e-3, -2e-3, 3e-3, 4e-4,
+    ]);
+    let lenses = [Lens::from(rational.unwrap()), fisheye.unwrap().into(), prism.unwrap().into()];
+    for lens in lenses {
         let count = lens.names().len();
         let covariance =
             InteriorCovariance::from_fn(|i, j| if i == j && i < count { 0.1 + i as f64 } else { 0.0 });
@@ -58,6 +63,22 @@ fn every_lens_comes_back_from_both_formats() {
         assert!(read(&without).is_err(), "{without}");
         let bare = Camera { covariance: None, ..camera };
         assert_eq!(read(&camera_opencv_yaml(&bare).unwrap().text).unwrap(), bare);
+    }
+}
+
+#[test]
+fn pix4ds_fisheye_comes_back_with_its_covariance() {
+    let lens = Pix4dFisheye::new([1122.25, 1120.5, 0.75, 640.5, 480.25, -0.5, -0.13, -0.03, 0.01]).unwrap();
+    let covariance = InteriorCovariance::from_fn(|i, j| if i == j && i < 9 { 0.1 + i as f64 } else { 0.0 });
+    let camera = Camera::new(lens, 1280, 960, Some(covariance)).unwrap();
+    let text = camera_json(&camera, serde_json::Value::Null);
+    assert!(text.contains("\"model\": \"pix4d_fisheye\"") && text.contains("\"row_skew_px\": -0.5"));
+    assert_eq!(read(&text).unwrap(), camera);
+    let brown = text.replace("pix4d_fisheye", "fisheye");
+    assert!(read(&brown).unwrap_err().cause.contains("covariance_order"));
+    for format in CameraFormat::ALL {
+        let refused = export(&camera, format, "x").unwrap_err().to_string();
+        assert!(refused.ends_with(" has no pix4d_fisheye lens"), "{refused}");
     }
 }
 

@@ -10,6 +10,9 @@ use nalgebra::{Quaternion, UnitQuaternion};
 /// Unusable records are listed one by one up to here and counted beyond, so that a hostile log cannot fill the memory.
 const LISTED: usize = 1_000;
 
+/// Exposures beyond this number are set aside: no survey has as many, and each takes more memory than it takes bytes.
+pub(super) const EXPOSURES: usize = 200_000;
+
 /// Records set aside while a log is read.
 #[derive(Debug, Default)]
 pub(super) struct Quarantine {
@@ -36,6 +39,14 @@ impl Quarantine {
                 None
             }
         }
+    }
+
+    /// Whether one more exposure may be kept beside so many; if not, it is set aside.
+    pub(super) fn has_room(&mut self, place: u64, exposures: usize) -> bool {
+        if exposures >= EXPOSURES {
+            self.add(place, format!("more than {EXPOSURES} exposures"));
+        }
+        exposures < EXPOSURES
     }
 
     /// Moves everything into the log, in the file's order.

@@ -27,6 +27,8 @@ struct Receiver {
     positions: Vec<Sample<LoggedPosition>>,
     velocities: Vec<Sample<Displacement<Ned>>>,
     without_fix: usize,
+    /// Records that give GPS time only, as before 2014: nothing joins them to the attitudes.
+    without_time: usize,
     /// Ellipsoidal height minus height above sea level, where the receiver states both.
     undulations_m: Vec<f64>,
 }
@@ -179,6 +181,12 @@ impl Collected {
             log.notes.push(format!(
                 "{} GPS records without a 3-D fix (Status below 3) are left out",
                 receiver.without_fix
+            ));
+        }
+        if receiver.without_time > 0 {
+            log.notes.push(format!(
+                "{} GPS records without a time since start-up (TimeUS, T) are left out: nothing joins them to ATT",
+                receiver.without_time
             ));
         }
         let undulations = &mut receiver.undulations_m;
@@ -387,7 +395,10 @@ impl Collected {
     }
 
     fn shoot(&mut self, trigger: bool, shot: Shot) {
-        if trigger { self.triggers.push(shot) } else { self.shots.push(shot) }
+        let shots = if trigger { &mut self.triggers } else { &mut self.shots };
+        if self.quarantine.has_room(shot.exposure.place, shots.len()) {
+            shots.push(shot);
+        }
     }
 }
 

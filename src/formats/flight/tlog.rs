@@ -300,7 +300,7 @@ impl Collected {
         };
         if shots.iter().rev().take(20).any(again) {
             self.repeated += 1;
-        } else {
+        } else if self.quarantine.has_room(exposure.place, shots.len()) {
             shots.push((time, exposure));
         }
     }

@@ -138,7 +138,7 @@ fn clocks(series: &Series, edges: &[Edge], prior: &Prior, h: &mut Hypothesis) {
             largest_half = largest_half.max(half);
         }
         let determinant = hessian[0] * hessian[2] - hessian[1] * hessian[1];
-        if !(determinant > 0.0) || edges.is_empty() {
+        if determinant.is_nan() || determinant <= 0.0 || edges.is_empty() {
             return;
         }
         let mut step = [

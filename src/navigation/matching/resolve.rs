@@ -126,10 +126,11 @@ fn unsure_ties(timed: &[(usize, f64)], out_of_order: usize) -> Vec<bool> {
 fn check_triggers(triggers: &[Seconds]) -> Result<(), MatchError> {
     let bad = |index, cause| Err(MatchError::Trigger { index, cause });
     for (index, s) in triggers.iter().enumerate() {
-        if !(s.get().abs() <= FARTHEST_S) {
+        if !(-FARTHEST_S..=FARTHEST_S).contains(&s.get()) {
             return bad(index, format!("{} s is no time", s.get()));
         }
-        if index > 0 && !(s.get() > triggers[index - 1].get()) {
+        // Neither is a NaN: the range above holds none.
+        if index > 0 && s.get() <= triggers[index - 1].get() {
             return bad(
                 index,
                 format!(
@@ -149,7 +150,7 @@ fn check_photos(photos: &[PhotoTime]) -> Result<Vec<(usize, f64)>, MatchError> {
     let mut timed = Vec::with_capacity(photos.len());
     for (index, photo) in photos.iter().enumerate() {
         let Some(time) = photo.time else { continue };
-        if !(time.get().abs() <= FARTHEST_S) {
+        if !(-FARTHEST_S..=FARTHEST_S).contains(&time.get()) {
             return bad(index, format!("{} s is no time", time.get()));
         }
         if !(0.0..=60.0).contains(&photo.resolution.get()) {
@@ -352,7 +353,7 @@ fn decide(
     if best.log_weight < log_nothing(series) || 2 * found < within || found == 0 {
         return Err(MatchError::Unrelated { pairs: found, photos: within, triggers: triggers.len() });
     }
-    if !(probability >= 1.0 - OTHERS) || undecided.is_some() {
+    if probability.is_nan() || probability < 1.0 - OTHERS || undecided.is_some() {
         return Err(MatchError::Ambiguous {
             offset_s: clock.offset.get(),
             pairs: found,
@@ -506,7 +507,7 @@ fn mixture(series: &Series, prior: &Prior, kin: &[&Mode]) -> Vec<Vec<(usize, f64
             let share =
                 (log_posterior(&sums, &moved, prior) - mode.log_sum + mode.log_weight - heaviest).exp();
             // NaN is left out as well.
-            if !(share > 1e-5) {
+            if share.is_nan() || share <= 1e-5 {
                 continue;
             }
             let wary = wary(series, moved);

@@ -259,24 +259,26 @@ fn campaign(generator: fn(&mut Random) -> Vec<f64>, seeds: std::ops::Range<u64>)
     tally
 }
 
-#[test]
-fn no_wrong_pair_is_accepted_in_simulated_flights() {
-    let surveys = campaign(strips, 0..60);
-    assert_eq!(surveys.wrong, 0, "{surveys:?}");
-    assert!(surveys.accepted >= 40 && surveys.left_out * 20 < surveys.right, "{surveys:?}");
-    let timers = campaign(time_lapse, 0..40);
-    assert_eq!(timers.wrong, 0, "{timers:?}");
-    assert!(timers.accepted >= 5, "{timers:?}");
+/// Flights of each kind: BORESIGHT_FLIGHTS at compile time asks for more than the sample.
+fn flights(sample: u64) -> u64 {
+    option_env!("BORESIGHT_FLIGHTS").and_then(|text| text.parse().ok()).unwrap_or(sample)
 }
 
+/// A wrong pair now and then is unavoidable (a photo by hand at the very moment of a misfire); more than one in a hundred
+/// thousand is not.
 #[test]
-#[ignore = "2,000 flights: half a minute or so"]
-fn wrong_pairs_stay_below_one_in_a_hundred_thousand() {
-    const FIRST: u64 = 1000;
-    let surveys = campaign(strips, FIRST..FIRST + 1000);
-    let timers = campaign(time_lapse, FIRST..FIRST + 1000);
-    eprintln!("strips {surveys:?}\ntime-lapse {timers:?}");
-    assert!((surveys.wrong + timers.wrong) * 100_000 <= surveys.right + timers.right);
+fn wrong_pairs_are_not_accepted_in_simulated_flights() {
+    let surveys = campaign(strips, 0..flights(60));
+    let timers = campaign(time_lapse, 0..flights(40));
+    assert!(
+        (surveys.wrong + timers.wrong) * 100_000 <= surveys.right + timers.right,
+        "{surveys:?} {timers:?}"
+    );
+    assert!(
+        surveys.accepted * 3 >= 2 * flights(60) as usize && surveys.left_out * 20 < surveys.right,
+        "{surveys:?}"
+    );
+    assert!(timers.accepted * 8 >= flights(40) as usize, "{timers:?}");
 }
 
 fn seconds(times: impl IntoIterator<Item = f64>) -> Vec<Seconds> {
@@ -545,29 +547,5 @@ proptest! {
             let flight = Flight { truth: vec![], shot: vec![], photos, triggers };
             check_bookkeeping(&flight, &m);
         }
-    }
-}
-
-#[test]
-#[ignore = "prints how long 10,000 photos take"]
-fn ten_thousand_photos_take_about_a_second() {
-    for (resolution, spacing) in [(1.0, 2.0), (0.01, 2.0), (1.0, 0.8)] {
-        let mut r = Random(3);
-        let mut s = 0.0;
-        let commands: Vec<f64> = (0..10_000)
-            .map(|k| {
-                s += spacing * (1.0 + 0.03 * r.normal())
-                    + if k % 100 == 99 { r.uniform(8.0, 20.0) } else { 0.0 };
-                s
-            })
-            .collect();
-        let troubles =
-            Troubles { misfire: 0.02, missing_event: 0.02, resolution, drift_ppm: 200.0, ..Troubles::NONE };
-        let flight = fly(&commands, &troubles, &mut r);
-        let start = std::time::Instant::now();
-        let m = match_exposures(&flight.photos, &flight.triggers, &MatchOptions::default());
-        let took = start.elapsed();
-        let pairs = m.map(|m| m.pairs.len());
-        eprintln!("{resolution} s, every {spacing} s: {took:?} {pairs:?}");
     }
 }

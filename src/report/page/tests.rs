@@ -161,6 +161,7 @@ fn survey() -> Survey {
         height_above_ground_m: [349.2, 361.8],
         frames,
         unit_m: Some(1.0),
+        matching: None,
     }
 }
 

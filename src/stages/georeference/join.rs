@@ -15,6 +15,9 @@ use std::path::Path;
 /// A pose for each image in order, or why it has none.
 pub(super) type Poses = Vec<Result<Posed, String>>;
 
+/// A row's place and what it says.
+type Said = (u64, Result<Posed, String>);
+
 /// Who names the images.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Holder<'a> {
@@ -62,7 +65,7 @@ pub(super) fn by_name(
     let names = Names::of(images);
     let antennas = antennas(&log.exposures, conventions)?;
     // What each image's rows say; their places.
-    let mut rows: BTreeMap<String, Vec<(u64, Result<Posed, String>)>> = BTreeMap::new();
+    let mut rows: BTreeMap<String, Vec<Said>> = BTreeMap::new();
     let mut nameless = log.exposures.iter().filter(|exposure| exposure.frame.is_none()).count();
     for (exposure, antenna) in log.exposures.iter().zip(antennas) {
         let Some(name) = &exposure.frame else { continue };
@@ -218,5 +221,33 @@ fn unmatched<'a>(names: impl ExactSizeIterator<Item = &'a String>, file: &str, n
     let mut names = names;
     if let Some(first) = names.next() {
         notes.push(format!("{count} rows of {file} name no image of the folder; the first: \"{first}\""));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_in_logs_find_the_one_image_they_can_mean() {
+        let images: Vec<String> =
+            ["IMG 1.jpg", "a\"b'.JPG", "x.jpg", "x.tif", "Ärger.jpg"].map(str::to_owned).to_vec();
+        let mut sorted = images.clone();
+        sorted.sort();
+        let names = Names::of(&sorted);
+        for (said, image) in [
+            ("IMG 1.jpg", "IMG 1.jpg"),
+            ("img 1", "IMG 1.jpg"),
+            ("a\"b'.jpg", "a\"b'.JPG"),
+            // A path is only text: what counts is the name at its end.
+            ("../../etc/x.jpg", "x.jpg"),
+            ("C:\\flight\\x.tif", "x.tif"),
+            ("ärger.JPG", "Ärger.jpg"),
+        ] {
+            assert_eq!(names.image_of(said), image, "{said}");
+        }
+        // Two images have this stem: none is guessed.
+        assert_eq!(names.image_of("x"), "x");
+        assert_eq!(names.image_of(".."), "..");
     }
 }

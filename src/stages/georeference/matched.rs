@@ -9,6 +9,8 @@ use crate::navigation::{
     ClockFit, ClockPrior, MatchError, MatchOptions, Matching, PhotoTime, Track, match_by_number,
     match_exposures, match_in_order,
 };
+use crate::report::match_figure::match_residuals;
+use crate::report::{Figure, FigureError};
 use crate::units::Seconds;
 
 /// How photos and exposures were paired: one row for each photo and each exposure without one.
@@ -20,6 +22,24 @@ pub struct MatchReport {
     pub clock: Option<ClockFit>,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
+}
+
+impl MatchReport {
+    /// The residuals over the flight; `None` where order or numbers decided.
+    ///
+    /// # Errors
+    /// The picture cannot be drawn.
+    pub fn figure(&self) -> Result<Option<Figure>, FigureError> {
+        let pairs: Vec<(f64, f64)> =
+            self.rows.iter().filter_map(|row| Some((row.exposure_time_s?, row.residual_s?))).collect();
+        let lonely: Vec<f64> = self
+            .rows
+            .iter()
+            .filter(|row| row.frame.is_empty())
+            .filter_map(|row| row.exposure_time_s)
+            .collect();
+        if pairs.is_empty() { Ok(None) } else { match_residuals(&pairs, &lonely).map(Some) }
+    }
 }
 
 /// A photo, an exposure, or both.

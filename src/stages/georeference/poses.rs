@@ -9,7 +9,8 @@ use crate::config::height::{Height, HeightDatum, VerticalDatum};
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
 use crate::formats::flight::{
-    Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, North, Origin, Sample,
+    Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, LoggedStd, North, Origin,
+    Sample,
 };
 use crate::formats::geoid::Geoid;
 use crate::formats::log::{height_kind, north};
@@ -42,7 +43,9 @@ pub struct PoseSource {
     pub origins: Arc<[Origin]>,
     /// What was done to the numbers on the way, in sentences.
     pub applied: Vec<String>,
-    /// Height above the take-off point, metres, where the record states it beside its own height; not applied.
+    /// What the record says its own values are worth.
+    pub std: LoggedStd,
+    /// Height above the take-off point, metres, where the record states it beside its own height.
     pub height_above_takeoff_m: Option<f64>,
 }
 
@@ -128,6 +131,7 @@ impl<'a> Conventions<'a> {
         geoid: &'a Geoid,
         ground: HeightsUnder<'a>,
     ) -> Result<Self, InputError> {
+        declared_course(declared, log)?;
         let own = position_crs(declared, log)?;
         let grid = match own {
             Some(projection) => Some(projection),
@@ -291,7 +295,7 @@ impl<'a> Conventions<'a> {
         max_gap: Seconds,
         found: String,
     ) -> Result<Posed, String> {
-        let mut applied = Vec::new();
+        let mut applied: Vec<String> = self.height_applied(exposure).into_iter().collect();
         let around = self.around(exposure, antenna.is_some(), track, max_gap)?;
         let series = track.map_or(SeriesAttitude::NONE, |(_, attitude)| *attitude);
         let antenna = antenna
@@ -316,6 +320,15 @@ impl<'a> Conventions<'a> {
             .gimbal
             .or_else(|| Some(LoggedGimbal { angles: around.as_ref()?.gimbal?, reference: series.gimbal? }));
         let mut mount = mount(self.declared);
+        if exposure.camera_from_antenna.is_some() {
+            // The record's own offset is the whole way to the camera.
+            mount = Mount {
+                antenna_in_body: Displacement::zero(),
+                gimbal_in_body: Displacement::zero(),
+                camera_in_gimbal: Displacement::zero(),
+                ..mount
+            };
+        }
         let gimbal = match stated {
             // The pose is the camera's own: there is nothing between it and the record.
             Some(stated) if !matches!(stated, LoggedAttitude::Body { .. }) => {
@@ -351,8 +364,24 @@ impl<'a> Conventions<'a> {
         };
         let series = if around.is_some() { self.origins } else { &[] };
         let origins = exposure.origins.iter().chain(series).cloned().collect();
-        let height_above_takeoff_m = exposure.height_above_takeoff_m;
-        Ok(Posed { record, mount, source: PoseSource { found, origins, applied, height_above_takeoff_m } })
+        let (std, height_above_takeoff_m) = (exposure.std, exposure.height_above_takeoff_m);
+        let source = PoseSource { found, origins, applied, std, height_above_takeoff_m };
+        Ok(Posed { record, mount, source })
+    }
+
+    /// What was done to the height, beyond what its origin says.
+    fn height_applied(&self, exposure: &Exposure) -> Option<String> {
+        let stated = match exposure.position {
+            Some(LoggedPosition::Geodetic { kind, .. } | LoggedPosition::Projected { kind, .. }) => {
+                Some(kind)
+            }
+            _ => None,
+        };
+        let instead = self.declared.log.height_datum.filter(|datum| Some(height_kind(*datum)) != stated)?;
+        Some(format!(
+            "the height is taken to be {}, as [georeference.log] height_datum declares",
+            instead.words()
+        ))
     }
 
     /// The track at an exposure that does not state everything itself.
@@ -411,6 +440,13 @@ impl<'a> Conventions<'a> {
         let instead = self.declared.log.heading.map(north);
         let (angles, north) = match stated {
             LoggedAttitude::Body { angles, north } | LoggedAttitude::Camera { angles, north } => {
+                if let Some(instead) = instead.filter(|instead| *instead != north) {
+                    applied.push(format!(
+                        "yaw is taken to count from {} as [georeference.log] heading declares, not from {}",
+                        words(instead),
+                        words(north)
+                    ));
+                }
                 (angles, instead.unwrap_or(north))
             }
             LoggedAttitude::CameraInNed(rotation) => return Ok(carrier(&rotation)),
@@ -488,6 +524,16 @@ impl<'a> Conventions<'a> {
             }
             _ => None,
         })
+    }
+}
+
+/// What a yaw counts from, in a sentence.
+const fn words(north: North) -> &'static str {
+    match north {
+        North::True => "true north",
+        North::Magnetic => "magnetic north",
+        North::Grid => "grid north",
+        North::Course => "true north along the course over ground",
     }
 }
 
@@ -585,6 +631,27 @@ pub(super) fn position_crs(
             Ok(None)
         }
     }
+}
+
+/// A course may stand for the nose only where somebody said how far off it may be.
+fn declared_course(declared: &Georeference, log: &FlightLog) -> Result<(), InputError> {
+    let is_course = |attitude: &LoggedAttitude| {
+        matches!(
+            attitude,
+            LoggedAttitude::Body { north: North::Course, .. }
+                | LoggedAttitude::Camera { north: North::Course, .. }
+        )
+    };
+    let any = log.attitudes.iter().any(|sample| is_course(&sample.value))
+        || log.exposures.iter().filter_map(|e| e.attitude.as_ref()).any(is_course);
+    if any && declared.log.heading.is_none() && declared.log.crab_std_rad.is_none() {
+        return Err(InputError::of_setting(
+            &declared.log.table,
+            "the log's yaw is the course over ground, not the direction of the nose",
+        )
+        .help("to use it as if the nose pointed along it, add `heading = \"course\"` and `crab_std = \"10 deg\"` (one standard deviation of the crab angle) to [georeference.log]"));
+    }
+    Ok(())
 }
 
 /// Whether any angle of the log counts from a grid.

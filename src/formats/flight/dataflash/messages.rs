@@ -329,11 +329,11 @@ impl Gps {
             let second = self.gps_ms?.number(body)? * self.gps_scale;
             utc_from_gps(self.week?.number(body)? as u32, second).ok()
         };
-        // A log without a clock of its own counts on GPS time.
-        let time = match self.time {
-            Some(time) => time.get(body)?,
-            None => return None,
+        let Some(time) = self.time else {
+            receiver.without_time += 1;
+            return None;
         };
+        let time = time.get(body)?;
         if let Some(utc) = utc() {
             to.fit.add(time.get(), utc.get());
         }

@@ -275,6 +275,16 @@ fn old_logs_count_in_milliseconds_and_older_exposures_in_gps_time() {
 }
 
 #[test]
+fn fixes_that_nothing_joins_to_the_attitudes_are_told() {
+    let mut log = fmt(2, 23, "GPS", "BIHLLeB", "Status,TimeMS,Week,Lat,Lng,Alt,NSats");
+    let place = [I32(-353_640_332), I32(1_491_647_457), I32(58_000)];
+    log.extend(message(2, &[&[U8(3), U32(300_000), U16(1800)][..], &place, &[U8(9)]].concat()));
+    let log = read(&log).unwrap();
+    assert!(log.positions.is_empty());
+    assert!(log.notes.iter().any(|n| n.starts_with("1 GPS records without a time")), "{:?}", log.notes);
+}
+
+#[test]
 fn a_bad_record_takes_only_itself_along() {
     let mut log = formats();
     log.extend(pos(1_000_000, -353_640_000, 500.0));
@@ -300,6 +310,16 @@ fn a_bad_record_takes_only_itself_along() {
     {
         assert!(cause.contains(words), "{cause}");
     }
+}
+
+#[test]
+fn exposures_without_end_are_cut_off() {
+    let mut log = fmt(4, 3, "CAM", "", "");
+    for _ in 0..200_500 {
+        log.extend([0xA3, 0x95, 4]);
+    }
+    let log = read(&log).unwrap();
+    assert_eq!((log.exposures.len(), log.bad.len()), (200_000, 500));
 }
 
 #[test]

@@ -228,7 +228,7 @@ impl Plan {
                 exposure.time = Some(time);
                 exposure.sequence = sequence.and_then(|f| f.number(body)).map(|n| n as u64);
                 let feedback = feedback.and_then(|f| f.number(body)).is_some_and(|v| v != 0.0);
-                to.rows[self.slot].2.shots.push(Shot { exposure, time, angles: None, feedback });
+                self.shoot(Shot { exposure, time, angles: None, feedback }, to);
             }
             What::Gimbal { q, flags } => {
                 let flags = flags.and_then(|f| f.number(body)).map_or(0, |f| f as u32);
@@ -246,6 +246,13 @@ impl Plan {
             }
         }
         Some(())
+    }
+
+    fn shoot(&self, shot: Shot, to: &mut Collected) {
+        let shots = &mut to.rows[self.slot].2.shots;
+        if to.quarantine.has_room(shot.exposure.place, shots.len()) {
+            shots.push(shot);
+        }
     }
 
     fn gimbal(&self, a: YawPitchRoll, from_north: bool, (place, time): (u64, Seconds), to: &mut Collected) {
@@ -345,7 +352,7 @@ impl Plan {
             c.ground.and_then(|f| f.number(body)).filter(|h| (0.0..10_000.0).contains(h));
         let angles = c.q.and_then(|q| numbers(q, body)).map(angles_of_quaternion);
         let angles = angles.and_then(|a| to.quarantine.keep(place, "camera_capture", a));
-        to.rows[self.slot].2.shots.push(Shot { exposure, time, angles, feedback: true });
+        self.shoot(Shot { exposure, time, angles, feedback: true }, to);
         Some(())
     }
 }
