@@ -6,6 +6,7 @@
 
 pub mod calibration;
 pub mod contours;
+pub mod coverage;
 pub mod figures;
 pub mod lens_figures;
 pub mod match_figure;

@@ -4,6 +4,7 @@ pub mod accuracy;
 pub mod calibrate;
 pub mod camera;
 pub mod context;
+pub mod doctor;
 pub mod explain;
 pub mod georeference;
 pub mod init;

@@ -133,7 +133,22 @@ pub struct CheckArguments {
     /// The pipeline.
     #[command(flatten)]
     pub pipeline: PipelineArguments,
-    /// Print the findings as JSON.
+    /// Print a table with a row for every frame as well.
+    #[arg(long)]
+    pub frames: bool,
+    /// Measure how sharp each photo is against the others (decodes the photos).
+    #[arg(long)]
+    pub sharpness: bool,
+    /// Compare neighbouring photos on the ground, to find pixels that were turned (decodes the photos).
+    #[arg(long)]
+    pub overlaps: bool,
+    /// Draw how often the ground is seen, with the flight line, into a file .svg or .png.
+    #[arg(long, value_name = "FILE")]
+    pub picture: Option<PathBuf>,
+    /// Replace the picture if it is there.
+    #[arg(long, requires = "picture")]
+    pub force: bool,
+    /// Print everything as JSON.
     #[arg(long)]
     pub json: bool,
 }

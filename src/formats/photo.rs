@@ -14,7 +14,7 @@ use crate::calibration::Grey;
 use crate::raster::Image8;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs;
-use std::io::Cursor;
+use std::io::{BufRead, Cursor, Seek};
 use std::path::Path;
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
@@ -50,9 +50,33 @@ pub fn read_header(path: &Path) -> Result<PhotoHeader, InputError> {
     let reader = ImageReader::open(path)
         .and_then(ImageReader::with_guessed_format)
         .map_err(|e| failed(format!("cannot be read ({e})")))?;
-    known_format(reader.format()).map_err(failed)?;
+    if known_format(reader.format()).map_err(failed)? == ImageFormat::Jpeg {
+        return jpeg_header(reader.into_inner()).map_err(failed);
+    }
     let decoder = reader.into_decoder().map_err(|e| failed(broken(&e)))?;
     header(&decoder).map_err(failed)
+}
+
+/// Reads as far as the size of the image stands; the decoder of the `image` crate would read the whole file.
+fn jpeg_header(mut file: impl BufRead + Seek) -> Result<PhotoHeader, String> {
+    file.rewind().map_err(|e| format!("cannot be read ({e})"))?;
+    let options = DecoderOptions::default()
+        .set_strict_mode(false)
+        .set_max_width(usize::from(u16::MAX))
+        .set_max_height(usize::from(u16::MAX));
+    let mut decoder = JpegDecoder::new_with_options(file, options);
+    decoder.decode_headers().map_err(|e| format!("cannot be decoded ({e:?})"))?;
+    let info = decoder.info().ok_or("cannot be decoded (no header)")?;
+    let channels = match decoder.input_colorspace() {
+        Some(ColorSpace::Luma) => 1,
+        _ => 3,
+    };
+    Ok(PhotoHeader {
+        width: u32::from(info.width),
+        height: u32::from(info.height),
+        channels,
+        sixteen_bits: false,
+    })
 }
 
 /// Reads and decodes a photo.

@@ -105,7 +105,7 @@ pub(super) fn frame_of(scene: &mut Scene, left: f64, top: f64, width: f64, heigh
 }
 
 /// Path through points, closed or open.
-fn path(points: impl Iterator<Item = (f64, f64)>, closed: bool) -> String {
+pub(super) fn path(points: impl Iterator<Item = (f64, f64)>, closed: bool) -> String {
     let mut d = String::new();
     for (i, (x, y)) in points.enumerate() {
         // A String takes everything.

@@ -8,7 +8,7 @@ mod sources;
 
 pub use matched::{MatchReport, MatchRow};
 pub use poses::PoseSource;
-pub use sources::Photos;
+pub use sources::{Photos, photos};
 
 use super::context::{ErrorClass, FrameStatus, RunContext, StageError};
 use crate::camera::{Camera, PixelRotation};
@@ -20,6 +20,7 @@ use crate::formats::crs::{self, Projection};
 use crate::formats::files;
 use crate::formats::flight::{BadRecord, FlightLog};
 use crate::formats::geoid::Geoid;
+use crate::formats::metadata::PhotoMetadata;
 use crate::formats::photo::{self, PhotoHeader};
 use crate::geodesy::{Geodetic, MapProjection, WGS84, grid_convergence};
 use crate::geometry::attitude::{OmegaPhiKappa, YawPitchRoll};
@@ -59,6 +60,8 @@ pub struct Georeferenced {
     pub sources: BTreeMap<String, PoseSource>,
     /// How photos and the log's exposures were paired, with `join = "match"`.
     pub matching: Option<MatchReport>,
+    /// What the photos say about themselves, by name, where poses or times came from them; otherwise empty.
+    pub photos: BTreeMap<String, Result<PhotoMetadata, String>>,
 }
 
 /// Ground is looked for within this many heights above it, unless the pipeline file says otherwise.
@@ -124,7 +127,8 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
     }
     notes.extend(ground.fallback_note(&frames));
     notes.extend(crab_note(declared));
-    Ok(Georeferenced { frames, rejected, projection, notes, sources, matching })
+    let photos = images.into_iter().zip(photos).collect();
+    Ok(Georeferenced { frames, rejected, projection, notes, sources, matching, photos })
 }
 
 /// A pose for each image, or why it has none.

@@ -45,6 +45,8 @@ pub struct PoseSource {
     pub applied: Vec<String>,
     /// What the record says its own values are worth.
     pub std: LoggedStd,
+    /// Height above the take-off point, metres, where the record states it beside its own height.
+    pub height_above_takeoff_m: Option<f64>,
 }
 
 /// The mount as declared, in the types of the chain; angles that the log is to give are those of [`GimbalAngles::NADIR`]
@@ -362,7 +364,9 @@ impl<'a> Conventions<'a> {
         };
         let series = if around.is_some() { self.origins } else { &[] };
         let origins = exposure.origins.iter().chain(series).cloned().collect();
-        Ok(Posed { record, mount, source: PoseSource { found, origins, applied, std: exposure.std } })
+        let (std, height_above_takeoff_m) = (exposure.std, exposure.height_above_takeoff_m);
+        let source = PoseSource { found, origins, applied, std, height_above_takeoff_m };
+        Ok(Posed { record, mount, source })
     }
 
     /// What was done to the height, beyond what its origin says.
