@@ -20,10 +20,9 @@ use crate::config::Config;
 use crate::formats::atomic;
 use crate::synthetic::Scenario;
 use poses::Source;
-use scan::{FileKind, PhotoFolder, Scan, shown};
-use std::collections::BTreeSet;
+use scan::{FileKind, Names, PhotoFolder, Scan, shown};
 use std::path::{Path, PathBuf};
-use write::{Line, Rendered, comment, quoted, quoted_path, render, text};
+use write::{Line, Rendered, comment, quoted_path, render, text};
 
 /// The file's name in the folder, unless another is asked for.
 pub const FILE_NAME: &str = "boresight.toml";
@@ -190,7 +189,7 @@ fn nothing(root: &Path, cause: &str) -> StageError {
 
 /// Tables that name photos of the survey.
 fn tables_of(scan: &Scan, photos: &PhotoFolder) -> Vec<tables::Poses> {
-    let names: BTreeSet<&str> = photos.photos.iter().map(|photo| photo.name.as_str()).collect();
+    let names = Names::of(photos.photos.iter().map(|photo| photo.name.as_str()));
     let tables = scan.files.iter().filter_map(|found| match found.kind {
         FileKind::Table { delimiter } => tables::read(&found.path, delimiter, &names),
         _ => None,
@@ -272,7 +271,13 @@ fn body(survey: &Survey<'_>, source: &Source, left_out: &mut Vec<String>) -> Vec
     let columns = source.lines.iter().position(|line| *line == Line::Table("georeference.log.columns"));
     let (log, columns) = source.lines.split_at(columns.unwrap_or(source.lines.len()));
     lines.extend(log.iter().cloned().chain(takeoff).chain(columns.iter().cloned()));
-    let on_model = ground.iter().any(|line| matches!(line, Line::Key(_, value) if *value == quoted("dem")));
+    // A column that nothing uses is refused.
+    if has_kind(&ground, "below_camera")
+        && !ground.iter().any(|line| matches!(line, Line::Key(name, _) if name == "height_above_ground"))
+    {
+        lines.extend(source.above_ground.clone());
+    }
+    let on_model = has_kind(&ground, "dem");
     lines.extend(mount::mount(survey, source));
     lines.extend(mount::turned(survey, source));
     lines.extend(ground);
@@ -282,6 +287,11 @@ fn body(survey: &Survey<'_>, source: &Source, left_out: &mut Vec<String>) -> Vec
     lines.push(text("gsd", "auto"));
     lines.extend(sigmas::sigmas(survey, source, on_model));
     lines
+}
+
+/// Whether the ground's lines say this kind.
+fn has_kind(ground: &[Line], kind: &str) -> bool {
+    ground.contains(&text("kind", kind))
 }
 
 /// Head, version, `[run]` and the rest.

@@ -211,7 +211,8 @@ fn datum(
         );
         let chosen = if is_sea { VerticalDatum::Egm96 } else { VerticalDatum::Ellipsoid };
         let beyond = sea.abs().min(ellipsoid.abs());
-        if beyond < 0.5 * n.abs() {
+        // Nearer to one than to the other by far.
+        if 3.0 * beyond < n.abs() {
             let open = if stated {
                 ""
             } else {

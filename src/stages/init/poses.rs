@@ -1,14 +1,15 @@
 //! Which of the pose sources in a folder is used, and what is written about it.
 
 use super::Survey;
-use super::scan::{FileKind, shown};
+use super::scan::{FileKind, Names, shown};
 use super::tables::{Poses, Role};
-use super::write::{Line, quoted, quoted_path, text};
+use super::write::{Line, key, quoted, quoted_path, text};
 use crate::config::height::HeightDatum;
 use crate::config::log::{AngleSystem, AngleUnit, LogFormat, StatedOfFile};
+use crate::formats::crs::Projection;
 use crate::formats::flight::{Exposure, FlightLog, LoggedAttitude, LoggedPosition, North};
 use crate::formats::log::read_file;
-use crate::geodesy::{Geodetic, HeightKind};
+use crate::geodesy::{Geodetic, HeightKind, MapProjection, WGS84};
 use crate::units::{Metres, Radians};
 use std::path::Path;
 
@@ -51,6 +52,8 @@ pub struct Source {
     pub by_name: bool,
     /// Gimbal angles in it count from: "nav", "body"; `None` when the format says it, or it has none.
     pub gimbal_reference: Option<&'static str>,
+    /// The column of heights above the ground, for a table that has one.
+    pub above_ground: Option<Line>,
 }
 
 /// The sources there are, the one to be used first; and why others are not.
@@ -249,6 +252,7 @@ fn of_photos(survey: &Survey<'_>) -> Option<Source> {
         heights_are_stated,
         by_name: true,
         gimbal_reference: None,
+        above_ground: None,
     })
 }
 
@@ -332,6 +336,12 @@ fn of_table(survey: &Survey<'_>, table: &Poses) -> Source {
         heights_are_stated,
         by_name: true,
         gimbal_reference: (attitude == Attitude::OfCamera).then(|| gimbal_reference(&table.exposures)),
+        above_ground: table.column(Role::AboveGround).map(|column| {
+            key(
+                "height_above_ground",
+                format!("{{ column = {}, unit = \"{}\" }}", quoted(&column.name), column.unit),
+            )
+        }),
     }
 }
 
@@ -418,11 +428,14 @@ fn of_file(survey: &Survey<'_>, path: &Path, format: LogFormat) -> Result<Source
     }
     let (log, lines_of_reader, heights_are_stated) = read(path, format)?;
     let by_name = log.exposures.iter().any(|e| e.frame.is_some());
+    let names = Names::of(survey.photos.photos.iter().map(|photo| photo.name.as_str()));
     let named: Vec<Exposure> = log
         .exposures
         .iter()
-        .filter(|e| e.frame.as_ref().is_some_and(|f| survey.photos.photos.iter().any(|p| p.name == *f)))
-        .cloned()
+        .filter_map(|exposure| {
+            let photo = names.photo(exposure.frame.as_deref()?)?;
+            Some(Exposure { frame: Some(photo.to_owned()), ..exposure.clone() })
+        })
         .collect();
     if by_name && named.is_empty() {
         return Err(format!("names {} photos, none of these", log.exposures.len()));
@@ -439,6 +452,7 @@ fn of_file(survey: &Survey<'_>, path: &Path, format: LogFormat) -> Result<Source
     if exposures.iter().all(|e| e.position.is_none()) {
         exposures = series().collect();
     }
+    to_geodetic(&mut exposures, log.crs.as_deref());
     let mut attitude = attitude_of(&exposures);
     if attitude == Attitude::Missing && !log.gimbals.is_empty() {
         attitude = Attitude::OfCamera;
@@ -472,7 +486,29 @@ fn of_file(survey: &Survey<'_>, path: &Path, format: LogFormat) -> Result<Source
         heights_are_stated,
         by_name,
         gimbal_reference: None,
+        above_ground: None,
     })
+}
+
+/// Positions as latitude, longitude and height, where the log's CRS is known.
+fn to_geodetic(exposures: &mut [Exposure], crs: Option<&str>) {
+    let projection = crs.and_then(|crs| Projection::new(crs).ok());
+    for position in exposures.iter_mut().filter_map(|exposure| exposure.position.as_mut()) {
+        let at = match *position {
+            LoggedPosition::Projected { map, height_m, kind } => projection
+                .as_ref()
+                .and_then(|projection| projection.geodetic_from_map(&[map]).ok()?.first().copied())
+                .map(|at| (at, height_m, kind)),
+            LoggedPosition::Ecef(point) => {
+                let at = WGS84.geodetic_from_ecef(&point);
+                Some((at, at.height.get(), HeightKind::Ellipsoid))
+            }
+            LoggedPosition::Geodetic { .. } => None,
+        };
+        if let Some((Geodetic { latitude, longitude, .. }, height_m, kind)) = at {
+            *position = LoggedPosition::Geodetic { latitude, longitude, height_m, kind };
+        }
+    }
 }
 
 /// Reads a log, declaring what it leaves open until it can be read.

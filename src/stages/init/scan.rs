@@ -51,6 +51,38 @@ pub struct PhotoFolder {
     pub of_target: bool,
 }
 
+/// Finds the photo that a table means: by its own name, or, where only one fits, without a folder before it, in another
+/// case, or without its extension.
+#[derive(Debug)]
+pub struct Names<'a> {
+    by_key: BTreeMap<String, Vec<&'a str>>,
+}
+
+impl<'a> Names<'a> {
+    /// Of these photos.
+    pub fn of(photos: impl Iterator<Item = &'a str>) -> Self {
+        let mut by_key: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+        for name in photos {
+            let key = name.to_lowercase();
+            let stem = Path::new(&key).file_stem().and_then(|stem| stem.to_str()).map(str::to_owned);
+            for key in stem.into_iter().filter(|stem| *stem != key).chain([key.clone()]) {
+                by_key.entry(key).or_default().push(name);
+            }
+        }
+        Self { by_key }
+    }
+
+    /// The photo's own name.
+    pub fn photo(&self, said: &str) -> Option<&'a str> {
+        let bare = said.rsplit(['/', '\\']).next().unwrap_or(said);
+        let named = self.by_key.get(&bare.to_lowercase())?;
+        match named[..] {
+            [only] => Some(only),
+            _ => named.iter().copied().find(|name| *name == bare),
+        }
+    }
+}
+
 /// A file that may matter.
 #[derive(Debug)]
 pub struct Found {
@@ -410,7 +442,7 @@ fn table_delimiter(text: &str) -> Option<u8> {
         [b',', b';', b'\t'].into_iter().max_by_key(|d| header.bytes().filter(|b| b == d).count())?;
     let cells: Vec<&str> = header.split(char::from(delimiter)).map(str::trim).collect();
     let named = |cell: &&str| cell.parse::<f64>().is_err() && cell.chars().any(char::is_alphabetic);
-    (cells.len() >= 3 && cells.iter().filter(|c| !c.is_empty()).all(|c| named(&c))).then_some(delimiter)
+    (cells.len() >= 3 && cells.iter().filter(|c| !c.is_empty()).all(named)).then_some(delimiter)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Text tables: what their columns hold, by name and by value.
 
+use super::scan::Names;
 use crate::formats::flight::{Exposure, LoggedAttitude, LoggedGimbal, North, geodetic};
 use crate::formats::table::{Row, Table};
 use crate::geodesy::{Geodetic, GeoidModel, HeightKind};
@@ -102,7 +103,7 @@ impl Poses {
 
 /// Reads a table's header and the rows of the photos; `None` when it names no photo or places nothing.
 #[must_use]
-pub fn read(path: &Path, delimiter: u8, photos: &BTreeSet<&str>) -> Option<Poses> {
+pub fn read(path: &Path, delimiter: u8, photos: &Names<'_>) -> Option<Poses> {
     let table = Table::read_path(path, delimiter).ok()?;
     let columns = columns(path, delimiter, &table)?;
     let stem = path.file_stem()?.to_str()?.to_lowercase();
@@ -167,14 +168,13 @@ pub fn points(path: &Path, delimiter: u8) -> Option<Points> {
     (!places.is_empty()).then(|| Points { path: path.to_owned(), datum, places })
 }
 
-fn read_rows(poses: &mut Poses, table: &Table, photos: &BTreeSet<&str>) -> Option<()> {
+fn read_rows(poses: &mut Poses, table: &Table, photos: &Names<'_>) -> Option<()> {
     let frame = table.column_named(&poses.column(Role::Frame)?.name).ok()?;
     let mut named = BTreeSet::new();
     for row in table.rows() {
-        let cell = row.text(frame).rsplit(['/', '\\']).next().unwrap_or_default();
-        let Some(photo) = photos.iter().find(|photo| photo.eq_ignore_ascii_case(cell)) else { continue };
+        let Some(photo) = photos.photo(row.text(frame)) else { continue };
         // A table with several rows for a photo (tie points) is no table of poses.
-        if !named.insert(*photo) {
+        if !named.insert(photo) {
             return None;
         }
         let number = |role| number(poses, table, &row, role);
@@ -183,7 +183,7 @@ fn read_rows(poses: &mut Poses, table: &Table, photos: &BTreeSet<&str>) -> Optio
             poses.exposures.push(exposure);
         }
         if half {
-            poses.half_turned.insert((*photo).to_owned());
+            poses.half_turned.insert(photo.to_owned());
         }
     }
     Some(())
@@ -389,11 +389,13 @@ fn by_values(column: &mut Understood, table: &Table) {
     let Ok(at) = table.column_named(&column.name) else { return };
     let mut numbers = table.rows().take(1000).filter_map(|row| row.number(at).ok());
     match column.role {
-        Role::Latitude | Role::Longitude if column.unit == "deg" => {
-            // Beyond every angle, and whole: degrees times ten million.
-            if numbers.all(|n| n.fract() == 0.0 && n.abs() > 1e5) && table.rows().next().is_some() {
-                column.unit = "deg_e7";
-            }
+        // Beyond every angle, and whole: degrees times ten million.
+        Role::Latitude | Role::Longitude
+            if column.unit == "deg"
+                && table.rows().next().is_some()
+                && numbers.all(|n| n.fract() == 0.0 && n.abs() > 1e5) =>
+        {
+            column.unit = "deg_e7";
         }
         Role::Time => {
             let first = table.rows().next().map(|row| row.text(at).to_owned()).unwrap_or_default();
@@ -457,7 +459,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         crate::formats::atomic::write_atomic(&path, text.as_bytes()).unwrap();
-        read(&path, b',', &photos.iter().copied().collect())
+        read(&path, b',', &Names::of(photos.iter().copied()))
     }
 
     #[test]

@@ -50,7 +50,7 @@ fn a_table_and_photos_without_metadata() {
     assert_eq!(about(&written.questions), open);
     assert!(text.contains("datum = \"ellipsoid\" }\n"), "{text}");
     // The ground lies at the take-off point, on the datum that the table's column names.
-    assert!(text.contains("kind = \"plane\"\nheight = \"200 m\"\ndatum = \"ellipsoid\"\n"), "{text}");
+    assert!(text.contains("kind = \"plane\"\nheight = \"200.0 m\"\ndatum = \"ellipsoid\"\n"), "{text}");
     // A camera file settles the one, and only if it fits.
     folder.put("cameras.txt", CAMERA.replace("40 30", "50 30").as_bytes());
     assert_eq!(folder.init().0.questions.len(), 2);
@@ -122,6 +122,29 @@ fn a_geo_txt_places_photos_that_say_nothing() {
         "{text}"
     );
     assert!(text.contains("height_datum = \"egm96\"\n"), "{text}");
+    assert_eq!(written.questions.len(), 2, "{:?}", written.questions);
+}
+
+#[test]
+fn measured_points_among_the_photos_give_the_ground() {
+    let folder = Folder::new(&["a.png", "b.png"]);
+    folder.put("cameras.txt", CAMERA.as_bytes());
+    folder.put(
+        "geo.txt",
+        b"EPSG:32617\na.png 306000 4545500 340 10 0.5 0\nb.png 306010 4545500 340 12 0.5 0\n",
+    );
+    let points = |latitude: f64| {
+        let row = |k: u32| format!("P{k},{latitude},-83.307{k},{}\n", 250 + k);
+        format!("point,latitude,longitude,alt_amsl_m\n{}{}{}", row(1), row(4), row(5))
+    };
+    folder.put("points.csv", points(41.0365).as_bytes());
+    let (written, text) = folder.init();
+    assert!(text.contains("kind = \"plane\"\nheight = \"254.0 m\"\ndatum = \"egm96\"\n"), "{text}");
+    assert_eq!(written.questions.len(), 1, "{:?}", written.questions);
+    // Those of another place say nothing.
+    folder.put("points.csv", points(42.0).as_bytes());
+    let (written, text) = folder.init();
+    assert!(text.contains("kind = \"below_camera\"\n"), "{text}");
     assert_eq!(written.questions.len(), 2, "{:?}", written.questions);
 }
 

@@ -65,6 +65,23 @@ fn hidden_deep_linked_and_made_things_are_left_out() {
 }
 
 #[test]
+fn names_mean_the_one_photo_they_fit() {
+    let names = Names::of(["a.jpg", "A.JPG", "b.jpg", "b.png", "c.png"].into_iter());
+    for (said, photo) in [
+        ("a.jpg", Some("a.jpg")),
+        ("A.JPG", Some("A.JPG")),
+        ("A.jpg", None),
+        ("b", None),
+        ("B.PNG", Some("b.png")),
+        ("DCIM\\C.png", Some("c.png")),
+        ("/x/c", Some("c.png")),
+        ("../d.png", None),
+    ] {
+        assert_eq!(names.photo(said), photo, "{said}");
+    }
+}
+
+#[test]
 fn files_are_known_by_their_content() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
@@ -138,7 +155,7 @@ proptest! {
         name in "[a-z]{1,4}\\.(csv|txt|json|yaml|xml|cam|bin|tlog|sbet|pos|mrk|jpg|png|tif)",
     ) {
         let folder = tempfile::tempdir().unwrap();
-        let photos = std::collections::BTreeSet::from(["a"]);
+        let photos = Names::of(["a"].into_iter());
         for bytes in [&bytes[..], text.as_bytes()] {
             let path = put(folder.path(), &name, bytes);
             let _ = recognise(&path);
