@@ -3,6 +3,7 @@
 mod accuracy;
 mod calibrate;
 mod cli;
+mod doctor;
 mod logs;
 mod mosaic;
 mod simulated;

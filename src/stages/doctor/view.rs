@@ -107,12 +107,11 @@ const GROUND_STD_M: f64 = 5.0;
 
 impl<'a> Flight<'a> {
     pub(super) fn new(config: &Config, survey: &Georeferenced, photos: &'a PhotosByName) -> Self {
-        let plane = survey.frames.first().map(|first| {
+        let plane = (!survey.frames.is_empty()).then(|| {
             let sum = survey.frames.iter().fold(nalgebra::Vector3::zeros(), |sum, frame| {
                 sum + WGS84.ecef_from_geodetic(&frame.record.antenna).vector()
             });
             let middle = WGS84.geodetic_from_ecef(&Point::from_vector(sum / survey.frames.len() as f64));
-            let _ = first;
             LocalTangent::at(middle.at_height(0.0))
         });
         let mut views: Vec<View> = match &plane {
