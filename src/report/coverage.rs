@@ -47,7 +47,7 @@ const TALLEST: f64 = 760.0;
 const SHORTEST: f64 = 380.0;
 const MARGIN: f64 = 26.0;
 const TOP: f64 = 58.0;
-const LEGEND: f64 = 200.0;
+const LEGEND: f64 = 216.0;
 /// Above this many frames their outlines and dots would only darken the map.
 const MOST_OUTLINES: usize = 150;
 

@@ -299,11 +299,11 @@ fn times(views: &mut [View], survey: &Georeferenced, photos: &PhotosByName) {
     let photo = |view: &View| photos.get(&view.name).and_then(|photo| photo.as_ref().ok());
     let utc = |view: &View| Some(photo(view)?.times.utc(None)?.time.get());
     let civil = |view: &View| Some(photo(view)?.times.civil?.time.get());
-    let kinds: [&dyn Fn(&View) -> Option<f64>; 2] = [&utc, &civil];
-    let chosen = kinds.into_iter().find(|time| views.iter().all(|view| time(view).is_some()));
-    let of_views: Vec<Option<f64>> = views.iter().map(|view| chosen.and_then(|time| time(view))).collect();
-    for (view, time) in views.iter_mut().zip(of_views) {
-        view.time_s = time;
+    let of_all =
+        |time: &dyn Fn(&View) -> Option<f64>| -> Option<Vec<f64>> { views.iter().map(time).collect() };
+    let of_views = of_all(&utc).or_else(|| of_all(&civil));
+    for (index, view) in views.iter_mut().enumerate() {
+        view.time_s = of_views.as_ref().map(|times| times[index]);
     }
 }
 
