@@ -52,6 +52,7 @@ fn dispatch(command: Command, console: &Arc<Console>) -> Result<ExitClass, Stage
     match command {
         Command::Run(arguments) => commands::run::run(&arguments, console, &interrupts()?),
         Command::Check(arguments) => commands::check::run(&arguments, console),
+        Command::Init(arguments) => commands::init::run(&arguments),
         Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Explain(arguments) => commands::explain::run(&arguments),
         Command::Simulate(arguments) => commands::simulate::run(&arguments, console),

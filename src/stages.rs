@@ -7,6 +7,7 @@ pub mod context;
 pub mod doctor;
 pub mod explain;
 pub mod georeference;
+pub mod init;
 pub mod locate;
 pub mod mosaic;
 pub mod page;

@@ -66,6 +66,8 @@ pub enum Command {
     Run(RunArguments),
     /// Validate a pipeline file and every input; write nothing.
     Check(CheckArguments),
+    /// Look at a folder of photos and logs and write a commented pipeline file that runs.
+    Init(InitArguments),
     /// Where on the ground is this pixel, and how sure is that?
     Locate(LocateArguments),
     /// Print every matrix and vector from the Earth to the pixel for one frame.
@@ -147,6 +149,22 @@ pub struct CheckArguments {
     #[arg(long, requires = "picture")]
     pub force: bool,
     /// Print everything as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `init`.
+#[derive(Debug, Args)]
+pub struct InitArguments {
+    /// The folder with photos and, if there are any, logs, camera file and elevation model.
+    pub folder: PathBuf,
+    /// The pipeline file to write. Default: boresight.toml in the folder.
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace the file if it is there.
+    #[arg(long)]
+    pub force: bool,
+    /// Print what was found, assumed and left open as JSON.
     #[arg(long)]
     pub json: bool,
 }

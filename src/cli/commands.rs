@@ -4,6 +4,7 @@ pub mod camera;
 pub mod check;
 pub mod completions;
 pub mod explain;
+pub mod init;
 pub mod locate;
 pub mod run;
 pub mod schema;

@@ -41,6 +41,10 @@ pub struct LogSpec {
     /// With `join = "match"` and `clock_offset`: one standard deviation of it. Default "1 s".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock_offset_std: Option<Located<Duration>>,
+    /// With `join = "match"`: one photo and the record of the log that it belongs to, where the two series leave several
+    /// alignments open.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub anchor: Option<Located<AnchorSpec>>,
     /// Coordinate reference system of projected positions, for example "EPSG:32617"; for files that do not state it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_crs: Option<Located<String>>,
@@ -76,6 +80,16 @@ pub struct LogSpec {
     /// With "table": its columns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub columns: Option<Located<ColumnsSpec>>,
+}
+
+/// A photo and its record.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnchorSpec {
+    /// File name of the photo.
+    pub frame: String,
+    /// Number of the record in the log, as matching.csv and error messages count them (a table: its line).
+    pub record: u64,
 }
 
 /// What kind of log it is.
@@ -325,11 +339,27 @@ pub enum Join {
     Match {
         /// Longest gap that is interpolated over, seconds.
         max_gap_s: f64,
-        /// Exposure in log time = the frame's time + this, seconds, with one standard deviation; `None`: to be found.
-        clock_offset: Option<(f64, f64)>,
+        /// What is known of the two clocks.
+        clock: StatedClock,
         /// When each frame was taken.
         frames: FrameTimes,
     },
+}
+
+/// What the pipeline file states about the clocks of photos and log.
+#[derive(Debug, Clone, PartialEq)]
+pub enum StatedClock {
+    /// Nothing.
+    Unknown,
+    /// Exposure in log time = the frame's time + this.
+    Offset {
+        /// Seconds.
+        offset_s: f64,
+        /// One standard deviation, seconds.
+        std_s: f64,
+    },
+    /// One photo and its record.
+    Anchor(Located<AnchorSpec>),
 }
 
 impl Join {
@@ -544,6 +574,7 @@ fn join(
         resolver.unused(&spec.max_gap, "max_gap", because)?;
         resolver.unused(&spec.clock_offset, "clock_offset", because)?;
         resolver.unused(&spec.clock_offset_std, "clock_offset_std", because)?;
+        resolver.unused(&spec.anchor, "anchor", because)?;
         resolver.unused(frames, "[georeference.frames]", because)?;
         return Ok(Join::Name);
     }
@@ -567,11 +598,15 @@ fn join(
     let frames = frame_times(source, kind, frames, resolver)?;
     if kind == JoinKind::Time {
         resolver.unused(&spec.clock_offset_std, "clock_offset_std", "frames are joined by time")?;
+        resolver.unused(&spec.anchor, "anchor", "frames are joined by time")?;
         let clock_offset = spec.clock_offset.get_or_insert_with(|| Located::unplaced(Duration::new(0.0)));
         return Ok(Join::Time { max_gap_s, clock_offset_s: clock_offset.seconds(), frames });
     }
-    let clock_offset = match (&spec.clock_offset, &spec.clock_offset_std) {
-        (None, None) => None,
+    if spec.clock_offset.is_some() {
+        resolver.unused(&spec.anchor, "anchor", "`clock_offset` says how the clocks stand to each other")?;
+    }
+    let clock = match (&spec.clock_offset, &spec.clock_offset_std) {
+        (None, None) => spec.anchor.clone().map_or(StatedClock::Unknown, StatedClock::Anchor),
         (None, Some(std)) => {
             return Err(resolver
                 .error(std, "`clock_offset_std` says how well a `clock_offset` is known, and there is none")
@@ -580,9 +615,12 @@ fn join(
         (Some(_), Some(std)) if std.seconds() <= 0.0 => {
             return Err(resolver.error(std, "`clock_offset_std` must be above 0"));
         }
-        (Some(offset), std) => Some((offset.seconds(), std.as_ref().map_or(1.0, |std| std.seconds()))),
+        (Some(offset), std) => StatedClock::Offset {
+            offset_s: offset.seconds(),
+            std_s: std.as_ref().map_or(1.0, |std| std.seconds()),
+        },
     };
-    Ok(Join::Match { max_gap_s, clock_offset, frames })
+    Ok(Join::Match { max_gap_s, clock, frames })
 }
 
 /// When frames were taken: by their table, or by themselves.

@@ -5,7 +5,7 @@ use super::calibrate::LensChoice;
 use super::georeference::{Crs, GimbalAngle, GimbalReference, Ground, HeightAboveGround};
 use super::height::{HeightDatum, VerticalDatum};
 use super::log::columns::{PositionColumns, YawReference};
-use super::log::{AngleSystem, FrameTimes, Join, LogFormat, LogSource};
+use super::log::{AngleSystem, FrameTimes, Join, LogFormat, LogSource, StatedClock};
 use super::target::{HollowSquare, Pattern};
 use super::*;
 use crate::units::Radians;
@@ -467,11 +467,14 @@ fn with_log(lines: &str) -> String {
 fn other_logs_say_themselves_what_they_hold() {
     let log = |lines: &str| read(&with_log(lines)).unwrap().georeference.unwrap().log;
     let ardupilot = log("format = \"ardupilot\"\nfile = \"a.bin\"");
-    assert!(matches!(ardupilot.join, Join::Match { clock_offset: None, .. }));
+    assert!(matches!(ardupilot.join, Join::Match { clock: StatedClock::Unknown, .. }));
     assert!(matches!(&ardupilot.source, LogSource::File { format: LogFormat::Ardupilot, .. }));
     assert!(ardupilot.may_know_speed());
     let known = log("format = \"px4\"\nfile = \"a.ulg\"\nclock_offset = \"4 h\"\nclock_offset_std = \"2 s\"");
-    assert!(matches!(known.join, Join::Match { clock_offset: Some((14_400.0, 2.0)), .. }));
+    assert!(matches!(
+        known.join,
+        Join::Match { clock: StatedClock::Offset { offset_s: 14_400.0, std_s: 2.0 }, .. }
+    ));
     let photos = log("format = \"photos\"\nheight_datum = \"egm2008\"");
     assert!(matches!(photos.join, Join::Name) && photos.file().is_none());
     assert_eq!(photos.height_datum, Some(HeightDatum::Egm2008));

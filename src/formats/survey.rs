@@ -10,7 +10,7 @@
 //! | `runway.csv`, `runway_observations.csv` | the same for the runway's ends and corners |
 //! | `dem.tif` | ellipsoidal ground heights on a latitude-longitude grid, WGS 84 (hills only) |
 //! | `calibration/target_01.png` …, `calibration/corners.csv` | photos of the squares target; its true corner pixels |
-//! | `camera-true.json` | the camera's true parameters |
+//! | `camera-true.json` | the camera's true parameters, a camera file for `[calibrate] camera` |
 //! | `scenario.toml` | the scenario with every default written out |
 //!
 //! Positions are WGS 84 degrees and ellipsoidal metres, of the antenna unless the column says `camera`; yaw is clockwise
@@ -27,8 +27,12 @@ use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 
+use crate::camera::{Brown, Camera, CameraError};
 use crate::formats::atomic::{self, WriteError};
-use crate::synthetic::{GeodeticPosition, LogRow, Observation, ReliefShape, Survey};
+use crate::formats::camera::camera_json;
+use crate::synthetic::{
+    Camera as ScenarioCamera, GeodeticPosition, LogRow, Observation, ReliefShape, Survey,
+};
 use crate::units::Radians;
 
 /// Distance between the terrain grid's heights, metres.
@@ -88,9 +92,9 @@ pub enum SurveyWriteError {
     /// The scenario has no TOML form.
     #[error("cannot write the scenario as TOML")]
     Toml(#[from] toml::ser::Error),
-    /// The camera has no JSON form.
-    #[error("cannot write the camera as JSON")]
-    Json(#[from] serde_json::Error),
+    /// The scenario's camera is none.
+    #[error("the camera cannot be written to a camera file")]
+    Camera(#[from] CameraError),
 }
 
 /// What was written.
@@ -175,8 +179,7 @@ fn write_files(
     let views = scenario.calibration.views;
     let pictures = survey.frames().len() + views as usize;
     contents.bytes(SCENARIO_FILE, toml::to_string(scenario)?.as_bytes())?;
-    contents
-        .bytes("camera-true.json", (serde_json::to_string_pretty(&scenario.camera)? + "\n").as_bytes())?;
+    contents.bytes("camera-true.json", true_camera(&scenario.camera)?.as_bytes())?;
     write_tables(survey, contents)?;
     if scenario.relief.shape == ReliefShape::Hills {
         write_dem(survey, contents)?;
@@ -201,6 +204,15 @@ fn write_files(
         progress(survey.frames().len() + index as usize + 1, pictures);
     }
     Ok(())
+}
+
+/// The scenario's camera as a camera file.
+fn true_camera(camera: &ScenarioCamera) -> Result<String, SurveyWriteError> {
+    let ScenarioCamera { width_px, height_px, fx_px, fy_px, skew_px, cx_px, cy_px, k1, k2, p1, p2, k3 } =
+        *camera;
+    let lens = Brown::new([fx_px, fy_px, skew_px, cx_px, cy_px, k1, k2, p1, p2, k3])?;
+    let camera = Camera::new(lens, width_px, height_px, None)?;
+    Ok(camera_json(&camera, serde_json::json!({ "method": "simulated", "meaning": "the true camera" })))
 }
 
 fn target_photo_name(index: u32) -> String {

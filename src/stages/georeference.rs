@@ -166,12 +166,11 @@ fn poses_of_images(
             let (offset, max_gap) = (Seconds::new(*clock_offset_s), Seconds::new(*max_gap_s));
             Ok((join::by_time(&times, offset, &track, max_gap, conventions), None))
         }
-        Join::Match { max_gap_s, clock_offset, frames } => {
+        Join::Match { max_gap_s, clock, frames } => {
             let track = conventions.track(log, notes)?;
             let times = sources::times(frames, images, photos, notes)?;
             let track = (track.as_ref(), Seconds::new(*max_gap_s));
-            let (poses, report) =
-                matched::by_matching(images, &times, log, *clock_offset, track, &own, conventions)?;
+            let (poses, report) = matched::by_matching(images, &times, log, clock, track, &own, conventions)?;
             notes.extend(report.notes.iter().cloned());
             Ok((poses, Some(report)))
         }

@@ -363,6 +363,43 @@ fn a_table_of_exposures_is_matched_too() {
     expect(at, "table", &log, MOUNT, 0.05);
 }
 
+#[test]
+fn an_open_alignment_is_refused_until_one_photo_is_named() {
+    let folder = survey();
+    let at = folder.path();
+    let frames = truth(at);
+    // Evenly spaced photos, two triggers without one, a clock that drifts: a shift by one photo fits nearly as well.
+    let text = std::fs::read_to_string(at.join("survey/log.csv")).unwrap();
+    let mut events = String::new();
+    for (k, line) in text.lines().enumerate() {
+        let (_, cells) = line.split_once(',').unwrap();
+        let _ = writeln!(events, "{cells}");
+        if [4, 10].contains(&k) {
+            let (time, rest) = cells.split_once(',').unwrap();
+            let _ = writeln!(events, "{:.6},{rest}", time.parse::<f64>().unwrap() + 2.5);
+        }
+    }
+    write(at, "events.csv", events);
+    frame_times(at, &frames, 14_403.7, 2);
+    let log = |more: &str| {
+        format!(
+            "[georeference.log]\nfile = \"events.csv\"\njoin = \"match\"\n{more}\n[georeference.log.columns]\ntime = {{ column = \"time_s\", format = \"seconds\" }}\n{COLUMNS}\n{}",
+            frames_table("unix_seconds")
+        )
+    };
+    let config = Config::from_text(&at.join("p.toml"), &pipeline_with(&log(""), MOUNT), &[]).unwrap();
+    let error = georeference(config.georeference.as_ref().unwrap(), &small_camera()).unwrap_err();
+    assert!(error.cause.contains("more than one way"), "{error}");
+    assert!(error.help.as_ref().unwrap().contains("clock_offset = \"-14403.7 s\""), "{error:?}");
+    // The table's second line is the first exposure.
+    let anchored = log(&format!("anchor = {{ frame = \"{}\", record = 2 }}", frames[0].frame));
+    expect(at, "anchored", &anchored, MOUNT, 0.05);
+    let wrong = log("anchor = { frame = \"nowhere.jpg\", record = 2 }");
+    let config = Config::from_text(&at.join("p.toml"), &pipeline_with(&wrong, MOUNT), &[]).unwrap();
+    let error = georeference(config.georeference.as_ref().unwrap(), &small_camera()).unwrap_err();
+    assert!(error.cause.contains("nowhere.jpg") && error.span.is_some(), "{error}");
+}
+
 /// Positions and attitudes of all frames, by name.
 fn poses(survey: &Georeferenced) -> Vec<(String, nalgebra::Vector3<f64>, Matrix3<f64>)> {
     survey

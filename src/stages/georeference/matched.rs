@@ -3,6 +3,7 @@
 use super::join::{Poses, antennas, with_own};
 use super::poses::{Conventions, SeriesAttitude};
 use super::sources::Clocked;
+use crate::config::log::StatedClock;
 use crate::formats::InputError;
 use crate::formats::flight::{Clock, Exposure, FlightLog};
 use crate::navigation::{
@@ -83,7 +84,7 @@ struct Found {
 /// The pose of each image, at the exposure that its time belongs to.
 ///
 /// - `own`: what each photo says of its own attitude, where the log says nothing of any; may be empty.
-/// - `clock_offset`: log time less photo time with one sigma, when declared.
+/// - `clock`: what the pipeline file states about the two clocks.
 ///
 /// # Errors
 /// [`InputError`] when nothing can be matched: too few, ambiguous, or no times.
@@ -91,13 +92,12 @@ pub(super) fn by_matching(
     images: &[String],
     times: &Clocked,
     log: &FlightLog,
-    clock_offset: Option<(f64, f64)>,
+    clock: &StatedClock,
     (track, max_gap): (Option<&(Track, SeriesAttitude)>, Seconds),
     own: &[Option<Exposure>],
     conventions: &Conventions<'_>,
 ) -> Result<(Poses, MatchReport), InputError> {
-    let found =
-        find(images, times, log, clock_offset).map_err(|error| conventions.of_log(error.to_string()))?;
+    let found = find(images, times, log, clock).map_err(|refusal| refusal.of_log(conventions))?;
     let antennas = antennas(&log.exposures, conventions)?;
     let mut poses: Poses = vec![Err("no exposure of the log was matched with it".to_owned()); images.len()];
     for (photo, reason) in &found.photos {
@@ -124,12 +124,7 @@ pub(super) fn by_matching(
     Ok((poses, report(images, times, log, found)))
 }
 
-fn find(
-    images: &[String],
-    times: &Clocked,
-    log: &FlightLog,
-    clock_offset: Option<(f64, f64)>,
-) -> Result<Found, MatchError> {
+fn find(images: &[String], times: &Clocked, log: &FlightLog, stated: &StatedClock) -> Result<Found, Refusal> {
     let photos: Vec<PhotoTime> = times
         .of_images
         .iter()
@@ -144,17 +139,82 @@ fn find(
         return without_times(images, log);
     }
     let triggers: Vec<Seconds> = timed.iter().filter_map(|k| log.exposures[*k].time).collect();
-    let clock = match clock_offset {
-        Some((offset, std)) => ClockPrior::Known { offset: Seconds::new(offset), std: Seconds::new(std) },
-        None if log.clock == Clock::Utc && times.clock == Clock::Utc => match times.of_exposure {
-            true => ClockPrior::Same,
-            // The receiver's last fix before the photo, in whole seconds as a rule.
-            false => ClockPrior::Known { offset: Seconds::new(0.0), std: Seconds::new(1.5) },
-        },
-        None => ClockPrior::Unknown,
-    };
+    let clock = clock_prior(images, times, log, &timed, stated)?;
     let matching = match_exposures(&photos, &triggers, &MatchOptions { clock, ..MatchOptions::default() })?;
     Ok(of_times(matching, &timed))
+}
+
+/// What is known of the two clocks: as stated, or by what the photos' times are.
+fn clock_prior(
+    images: &[String],
+    times: &Clocked,
+    log: &FlightLog,
+    timed: &[usize],
+    stated: &StatedClock,
+) -> Result<ClockPrior, Refusal> {
+    match stated {
+        StatedClock::Offset { offset_s, std_s } => {
+            Ok(ClockPrior::Known { offset: Seconds::new(*offset_s), std: Seconds::new(*std_s) })
+        }
+        StatedClock::Anchor(anchor) => {
+            let refused = |cause: String| Refusal::Setting(InputError::of_setting(anchor, cause));
+            let photo = images.iter().position(|image| *image == anchor.frame).ok_or_else(|| {
+                refused(format!(
+                    "`anchor` names \"{}\", and no image of the folder has that name",
+                    anchor.frame
+                ))
+            })?;
+            let trigger =
+                timed.iter().position(|k| log.exposures[*k].place == anchor.record).ok_or_else(|| {
+                    refused(format!(
+                        "`anchor` names record {}, which is no exposure with a time in the log",
+                        anchor.record
+                    ))
+                })?;
+            Ok(ClockPrior::Anchor { photo, trigger })
+        }
+        StatedClock::Unknown => Ok(match times.std_s {
+            Some(std_s) if log.clock == Clock::Utc && times.clock == Clock::Utc => {
+                if std_s == 0.0 {
+                    ClockPrior::Same
+                } else {
+                    ClockPrior::Known { offset: Seconds::new(0.0), std: Seconds::new(std_s) }
+                }
+            }
+            _ => ClockPrior::Unknown,
+        }),
+    }
+}
+
+/// Why nothing was matched.
+enum Refusal {
+    /// The series themselves.
+    Match(MatchError),
+    /// A setting.
+    Setting(InputError),
+}
+
+impl From<MatchError> for Refusal {
+    fn from(error: MatchError) -> Self {
+        Self::Match(error)
+    }
+}
+
+impl Refusal {
+    fn of_log(self, conventions: &Conventions<'_>) -> InputError {
+        match self {
+            Self::Setting(error) => error,
+            Self::Match(error) => {
+                let help = match &error {
+                    MatchError::Ambiguous { offset_s, .. } => format!(
+                        "if the likelier one is right, add `clock_offset = \"{offset_s:.1} s\"` to [georeference.log]; or name one photo and its record: `anchor = {{ frame = \"...\", record = ... }}`"
+                    ),
+                    _ => "state how the clocks stand to each other: `clock_offset`, or `anchor = { frame = \"...\", record = ... }` in [georeference.log]".to_owned(),
+                };
+                conventions.of_log(error.to_string()).help(help)
+            }
+        }
+    }
 }
 
 fn of_times(matching: Matching, timed: &[usize]) -> Found {
@@ -206,7 +266,7 @@ fn of_times(matching: Matching, timed: &[usize]) -> Found {
 }
 
 /// By the numbers that photos and exposures carry, or by their order.
-fn without_times(images: &[String], log: &FlightLog) -> Result<Found, MatchError> {
+fn without_times(images: &[String], log: &FlightLog) -> Result<Found, Refusal> {
     let numbers: Vec<Option<u64>> = images.iter().map(|name| number_in(name)).collect();
     let sequence: Vec<Option<u64>> = log.exposures.iter().map(|exposure| exposure.sequence).collect();
     let numbered = numbers.iter().all(Option::is_some) && sequence.iter().all(Option::is_some);
@@ -272,8 +332,8 @@ fn report(images: &[String], times: &Clocked, log: &FlightLog, found: Found) -> 
         row.record = Some(exposure.place);
         row.sequence = exposure.sequence;
         row.exposure_time_s = exposure.time.map(Seconds::get);
-        row.residual_s = pair.residual.map(Seconds::get);
-        row.probability = pair.probability;
+        row.residual_s = pair.residual.map(|residual| (residual.get() * 1e4).round() / 1e4);
+        row.probability = pair.probability.map(|probability| (probability * 1e6).round() / 1e6);
     }
     of_photo.extend(found.exposures.into_iter().map(|(k, reason)| {
         let exposure = &log.exposures[k];

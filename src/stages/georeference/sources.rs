@@ -115,8 +115,9 @@ pub(super) struct Clocked {
     pub clock: Clock,
     /// The worth of their last digit, seconds.
     pub resolution_s: f64,
-    /// Whether they are those of the exposure itself; otherwise of the receiver's last fix or the camera's own clock.
-    pub of_exposure: bool,
+    /// One sigma of their distance from the exposure, seconds: 0 for the exposure's own, more for the receiver's last fix;
+    /// `None` for a camera's own clock, which may be wrong by anything.
+    pub std_s: Option<f64>,
 }
 
 /// When each image was taken, by its table or by itself.
@@ -133,7 +134,7 @@ pub(super) fn times(
             let of_images = of_table(images, rows, &name, notes);
             let whole = |t: &Seconds| t.get().fract() == 0.0;
             let resolution_s = if of_images.iter().flatten().all(whole) { 1.0 } else { 1e-3 };
-            Ok(Clocked { of_images, clock, resolution_s, of_exposure: true })
+            Ok(Clocked { of_images, clock, resolution_s, std_s: None })
         }
         FrameTimes::Photos { utc_offset_s } => {
             let times = of_photos(photos, utc_offset_s.map(Seconds::new));
@@ -168,15 +169,16 @@ fn of_photos(photos: &Photos, utc_offset: Option<Seconds>) -> Clocked {
     let share = |time: TimeOf<'_>| {
         photos.iter().flatten().filter_map(time).count() as f64 / photos.len().max(1) as f64
     };
-    let kinds: [(TimeOf<'_>, Clock, bool, &str); 4] = [
-        (&maker, Clock::Utc, true, "the maker's UTC"),
-        (&gps, Clock::Utc, false, "EXIF GPS time"),
-        (&civil_utc, Clock::Utc, false, "EXIF DateTimeOriginal with an offset from UTC"),
-        (&civil, Clock::Local, false, "EXIF DateTimeOriginal"),
+    let kinds: [(TimeOf<'_>, Clock, Option<f64>, &str); 4] = [
+        (&maker, Clock::Utc, Some(0.0), "the maker's UTC"),
+        // Of the receiver's last fix before the photo, in whole seconds as a rule.
+        (&gps, Clock::Utc, Some(1.5), "EXIF GPS time"),
+        (&civil_utc, Clock::Utc, None, "EXIF DateTimeOriginal with an offset from UTC"),
+        (&civil, Clock::Local, None, "EXIF DateTimeOriginal"),
     ];
     let common = || kinds.iter().filter(|(time, ..)| share(*time) >= NEARLY_ALL);
     let chosen = common().find(|(time, ..)| fine(*time)).or_else(|| common().next()).unwrap_or(&kinds[3]);
-    let (time, clock, of_exposure, words) = *chosen;
+    let (time, clock, std_s, words) = *chosen;
     let of_images = photos
         .iter()
         .map(|photo| match photo {
@@ -188,7 +190,7 @@ fn of_photos(photos: &Photos, utc_offset: Option<Seconds>) -> Clocked {
         .collect();
     let resolution_s =
         photos.iter().flatten().filter_map(time).map(|(_, r)| r).fold(1e-3, |a: f64, b| a.max(b));
-    Clocked { of_images, clock, resolution_s, of_exposure }
+    Clocked { of_images, clock, resolution_s, std_s }
 }
 
 /// The images' times on the clock of the log.
