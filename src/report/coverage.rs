@@ -47,7 +47,7 @@ const TALLEST: f64 = 760.0;
 const SHORTEST: f64 = 380.0;
 const MARGIN: f64 = 26.0;
 const TOP: f64 = 58.0;
-const LEGEND: f64 = 200.0;
+const LEGEND: f64 = 216.0;
 /// Above this many frames their outlines and dots would only darken the map.
 const MOST_OUTLINES: usize = 150;
 
@@ -72,7 +72,8 @@ pub fn coverage_map(map: &CoverageMap) -> Result<Figure, FigureError> {
     cells(&mut scene, map, at);
     outlines(&mut scene, map, at);
     flight_line(&mut scene, map, at);
-    for place in &map.rejected {
+    let shown = |p: &[f64; 2]| (0..2).all(|k| p[k] >= low[k] && p[k] <= high[k]);
+    for place in map.rejected.iter().filter(|place| shown(place)) {
         cross(&mut scene, at(*place));
     }
     scale_bar(&mut scene, (MARGIN, TOP + drawn + 30.0), span[0], scale);
@@ -286,12 +287,17 @@ mod tests {
                 + figure.svg.matches(&format!("rgb({r},{g},{b})")).count();
             assert_eq!(count, times, "{color:?}\n{}", figure.svg);
         }
-        for words in ["a &lt;survey&gt;", "hole: seen by none", "rejected frame", "two frames", "5 m"] {
+        for words in ["a &lt;survey&gt;", "hole: seen by none", "rejected frame", "two frames", "10 m"] {
             assert!(figure.svg.contains(words), "{words}\n{}", figure.svg);
         }
         assert!(figure.png.starts_with(&[0x89, b'P', b'N', b'G']));
-        // The frame that claims to be 10 000 km away does not shrink the map.
-        assert!(figure.svg.matches("rejected frame").count() == 1);
+        // One cross on the map and one in the legend, of two lines each: the frame that claims to be 10 000 km away is
+        // not on the map. The hole and its entry have the same colour.
+        assert_eq!(figure.svg.matches("stroke=\"#d64045\"").count(), 4);
+        assert_eq!(figure.svg.matches("fill=\"#d64045\"").count(), 2);
+        let elsewhere = CoverageMap { rejected: Vec::new(), holes: vec![false; 6], ..map() };
+        let svg = coverage_map(&elsewhere).unwrap().svg;
+        assert!(!svg.contains("rejected frame") && !svg.contains("hole:") && !svg.contains("#d64045"));
     }
 
     #[test]

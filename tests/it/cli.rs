@@ -226,6 +226,51 @@ fn check_lists_what_would_be_used_and_writes_nothing() {
 }
 
 #[test]
+fn check_says_what_is_wrong_with_a_flight() {
+    let project = Project::new();
+    let json = |words: &[&str], code: i32| -> serde_json::Value {
+        let seen = project.go(words);
+        assert_eq!(seen.code, code, "{}", seen.stderr);
+        serde_json::from_str(&seen.stdout).unwrap()
+    };
+    let flight = json(&["check", "p.toml", "--json"], 0)["flight"].clone();
+    assert_eq!(flight["format"], "boresight/check/1");
+    // 40 x 30 px at 1 m: 22.2 m apart, 30 m long.
+    let forward = flight["overlap"]["forward_median"].as_f64().unwrap();
+    assert!((forward - 7.8 / 30.0).abs() < 0.03, "{flight}");
+    assert_eq!(flight["findings"][0]["code"], "exposure-time-unknown");
+    assert_eq!(flight["findings"].as_array().unwrap().len(), 1, "{flight}");
+    let table = project.go(&["check", "p.toml", "--frames"]).done().stdout.clone();
+    assert!(table.contains("\nframe  status  gsd_m   height_m"), "{table}");
+    assert!(table.contains("\na.png  used    1.0000  40.0"), "{table}");
+    assert!(!table.contains("sharpness"), "{table}");
+    // One of two cameras below the ground is an error, whatever the run would put up with.
+    project.write("log.csv", &LOG.replace("-83.3054,240,0,0,0\nb", "-83.3054,100,0,0,0\nb"));
+    let any = ["check", "p.toml", "--set", "run.max_rejected_frames=any", "--json"];
+    let found = json(&any, 5)["flight"]["findings"][0].clone();
+    assert_eq!((&found["code"], &found["severity"]), (&"camera-below-ground".into(), &"error".into()));
+    assert_eq!(found["frames"], serde_json::json!(["a.png"]));
+    assert!(found["text"].as_str().unwrap().contains("the camera is 100.0 m below the ground"), "{found}");
+}
+
+#[test]
+fn check_draws_the_coverage_only_where_it_is_told_to() {
+    let project = Project::new();
+    let before = project.files("");
+    let draw = |file: &str| project.go(&["check", "p.toml", "--picture", file]);
+    draw("map.svg").done();
+    draw("map.png").done();
+    let mut after = project.files("");
+    let svg = after.remove("map.svg").unwrap();
+    assert!(String::from_utf8(svg).unwrap().contains("How often p sees the ground"));
+    assert!(after.remove("map.png").unwrap().starts_with(b"\x89PNG"));
+    assert_eq!(after, before);
+    draw("map.svg").failed(2, &["map.svg exists", "--force"]);
+    project.go(&["check", "p.toml", "--picture", "map.svg", "--force"]).done();
+    draw("map.jpg").failed(2, &["is written as .svg or .png"]);
+}
+
+#[test]
 fn missing_inputs_exit_4_at_the_line_that_names_them() {
     let project = Project::new();
     project.change("images = \"images\"", "images = \"pictures\"");

@@ -3,6 +3,7 @@
 mod accuracy;
 mod calibrate;
 mod cli;
+mod doctor;
 mod init;
 mod logs;
 mod mosaic;

@@ -370,6 +370,18 @@ fn origins(declared: &TableLog) -> Vec<Origin> {
             add(name, &column.column, "as the mount's gimbal_reference counts it".to_owned());
         }
     }
+    if let Some(speed) = &declared.ground_speed {
+        add("ground speed", &speed.column, "over ground".to_owned());
+    }
+    if let Some(velocity) = &declared.velocity {
+        for (name, column) in [
+            ("velocity north", &velocity.north),
+            ("velocity east", &velocity.east),
+            ("velocity down", &velocity.down),
+        ] {
+            add(name, &column.column, "of the antenna over ground".to_owned());
+        }
+    }
     origins
 }
 

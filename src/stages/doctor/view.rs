@@ -107,12 +107,11 @@ const GROUND_STD_M: f64 = 5.0;
 
 impl<'a> Flight<'a> {
     pub(super) fn new(config: &Config, survey: &Georeferenced, photos: &'a PhotosByName) -> Self {
-        let plane = survey.frames.first().map(|first| {
+        let plane = (!survey.frames.is_empty()).then(|| {
             let sum = survey.frames.iter().fold(nalgebra::Vector3::zeros(), |sum, frame| {
                 sum + WGS84.ecef_from_geodetic(&frame.record.antenna).vector()
             });
             let middle = WGS84.geodetic_from_ecef(&Point::from_vector(sum / survey.frames.len() as f64));
-            let _ = first;
             LocalTangent::at(middle.at_height(0.0))
         });
         let mut views: Vec<View> = match &plane {
@@ -300,11 +299,11 @@ fn times(views: &mut [View], survey: &Georeferenced, photos: &PhotosByName) {
     let photo = |view: &View| photos.get(&view.name).and_then(|photo| photo.as_ref().ok());
     let utc = |view: &View| Some(photo(view)?.times.utc(None)?.time.get());
     let civil = |view: &View| Some(photo(view)?.times.civil?.time.get());
-    let kinds: [&dyn Fn(&View) -> Option<f64>; 2] = [&utc, &civil];
-    let chosen = kinds.into_iter().find(|time| views.iter().all(|view| time(view).is_some()));
-    let of_views: Vec<Option<f64>> = views.iter().map(|view| chosen.and_then(|time| time(view))).collect();
-    for (view, time) in views.iter_mut().zip(of_views) {
-        view.time_s = time;
+    let of_all =
+        |time: &dyn Fn(&View) -> Option<f64>| -> Option<Vec<f64>> { views.iter().map(time).collect() };
+    let of_views = of_all(&utc).or_else(|| of_all(&civil));
+    for (index, view) in views.iter_mut().enumerate() {
+        view.time_s = of_views.as_ref().map(|times| times[index]);
     }
 }
 
