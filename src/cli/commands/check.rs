@@ -153,7 +153,7 @@ fn is_vector(file: &Path, force: bool) -> Result<bool, StageError> {
 }
 
 fn draw(diagnosis: &Diagnosis, name: &str, file: &Path, vector: bool) -> Result<(), StageError> {
-    let title = format!("How often {name} sees the ground");
+    let title = format!("{name}: how often the ground is seen");
     let drawn = doctor::picture(diagnosis, &title)
         .map_err(|error| StageError::new(ErrorClass::Bug, "the picture cannot be drawn").because(error))?;
     let Some(figure) = drawn else { return Ok(()) };

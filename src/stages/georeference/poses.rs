@@ -1,26 +1,28 @@
 //! From what a log says to navigation records: datums, north references, gimbal angles and the mount applied.
 
+mod heights;
+mod series;
+
+pub(super) use heights::ellipsoidal;
+pub(super) use series::SeriesAttitude;
+
 use crate::camera::PixelRotation;
 use crate::config::georeference::{
     Georeference, GimbalAngle, GimbalReference as DeclaredReference, LeverArm,
     PixelRotation as DeclaredRotation,
 };
-use crate::config::height::{Height, HeightDatum, VerticalDatum};
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
 use crate::formats::flight::{
     Clock, Exposure, FlightLog, LoggedAttitude, LoggedGimbal, LoggedPosition, LoggedStd, North, Origin,
-    Sample,
 };
 use crate::formats::geoid::Geoid;
 use crate::formats::log::{height_kind, north};
-use crate::geodesy::{Geodetic, HeightKind, LocalTangent, WGS84, grid_convergence};
+use crate::geodesy::{Geodetic, LocalTangent, WGS84, grid_convergence};
 use crate::geometry::attitude::YawPitchRoll;
 use crate::geometry::{Body, Camera, Displacement, Frame, Ned, Point, Rotation};
-use crate::navigation::{
-    GimbalAngles, GimbalReference, Mount, NavigationRecord, Track, TrackError, TrackSeries, declination,
-};
-use crate::units::{Metres, Radians, Seconds};
+use crate::navigation::{GimbalAngles, GimbalReference, Mount, NavigationRecord, Track, declination};
+use crate::units::{Radians, Seconds};
 use std::sync::Arc;
 
 /// A frame's pose before it meets the ground.
@@ -94,15 +96,6 @@ fn displacement<F: Frame>(arm: LeverArm) -> Displacement<F> {
     Displacement::new(arm.forward_m, arm.right_m, arm.down_m)
 }
 
-/// Ellipsoidal height of a stated height at a place.
-///
-/// # Errors
-/// Words for a geoid that cannot be had there.
-pub(super) fn ellipsoidal(height: Height, at: &Geodetic, geoid: &Geoid) -> Result<f64, String> {
-    let above = geoid.above_ellipsoid(height.datum, &[*at]).map_err(|e| e.to_string())?[0];
-    Ok(height.metres + above)
-}
-
 /// Answers for ground heights under positions, in order: metres above the ellipsoid, or why there is none.
 pub(super) type HeightsUnder<'a> = &'a dyn Fn(&[Geodetic]) -> Vec<Result<f64, String>>;
 
@@ -139,145 +132,6 @@ impl<'a> Conventions<'a> {
             None => None,
         };
         Ok(Self { declared, geoid, grid, ground, clock: log.clock, origins: &log.origins })
-    }
-
-    /// Positions of the antenna above the ellipsoid, in order.
-    ///
-    /// # Errors
-    /// [`InputError`] for a geoid grid that is not installed: it concerns the whole log.
-    pub(super) fn positions(
-        &self,
-        stated: &[(LoggedPosition, Option<f64>)],
-    ) -> Result<Vec<Result<Geodetic, String>>, InputError> {
-        let mut placed: Vec<Result<(Geodetic, HeightKind), String>> =
-            stated.iter().map(|(position, takeoff)| self.place(position, *takeoff)).collect();
-        let geoid_failed = |e: crate::formats::geoid::GeoidError| self.of_log(e.to_string());
-        for datum in [VerticalDatum::Egm96, VerticalDatum::Egm2008] {
-            let above_geoid = |place: &Result<(Geodetic, HeightKind), String>| {
-                place.as_ref().ok().filter(|(_, kind)| *kind == kind_of(datum)).map(|(at, _)| *at)
-            };
-            let at: Vec<Geodetic> = placed.iter().filter_map(above_geoid).collect();
-            if at.is_empty() {
-                continue;
-            }
-            let mut undulations = self.geoid.above_ellipsoid(datum, &at).map_err(geoid_failed)?.into_iter();
-            for place in placed.iter_mut().filter(|place| above_geoid(place).is_some()) {
-                if let (Ok((at, kind)), Some(n)) = (place, undulations.next()) {
-                    (*at, *kind) = (at.at_height(at.height.get() + n), HeightKind::Ellipsoid);
-                }
-            }
-        }
-        placed.into_iter().map(|place| Ok(place.and_then(|(at, kind)| self.absolute(at, kind)))).collect()
-    }
-
-    /// Latitude and longitude, with the height as stated and what it counts from.
-    fn place(
-        &self,
-        position: &LoggedPosition,
-        above_takeoff: Option<f64>,
-    ) -> Result<(Geodetic, HeightKind), String> {
-        let instead = self.declared.log.height_datum;
-        let height = |height_m: f64, kind: HeightKind| match (instead, above_takeoff) {
-            // A record that states both heights has the one above take-off in a place of its own.
-            (Some(HeightDatum::AboveTakeoff), Some(above)) => (above, HeightKind::AboveTakeoff),
-            (Some(datum), _) => (height_m, height_kind(datum)),
-            (None, _) => (height_m, kind),
-        };
-        match (*position, &self.grid) {
-            (LoggedPosition::Geodetic { latitude, longitude, height_m, kind }, _) => {
-                let (height_m, kind) = height(height_m, kind);
-                Ok((Geodetic { latitude, longitude, height: Metres::new(height_m) }, kind))
-            }
-            (LoggedPosition::Projected { map, height_m, kind }, Some(projection)) => {
-                use crate::geodesy::MapProjection;
-                let (height_m, kind) = height(height_m, kind);
-                let at = projection.geodetic_from_map(&[map]).map_err(|e| e.to_string())?[0];
-                Ok((at.at_height(height_m), kind))
-            }
-            (LoggedPosition::Projected { .. }, None) => Err("the position has no CRS".to_owned()),
-            (LoggedPosition::Ecef(point), _) => Ok((WGS84.geodetic_from_ecef(&point), HeightKind::Ellipsoid)),
-        }
-    }
-
-    /// Heights that count from a place, brought to the ellipsoid.
-    fn absolute(&self, at: Geodetic, kind: HeightKind) -> Result<Geodetic, String> {
-        let base = match kind {
-            // Sea level has been dealt with for all positions at once.
-            HeightKind::Ellipsoid | HeightKind::SeaLevel(_) => 0.0,
-            HeightKind::AboveTakeoff | HeightKind::Barometric => {
-                let zero = self.declared.log.takeoff.ok_or(
-                    "its height counts from the take-off point, whose own height is not stated (takeoff_height)",
-                )?;
-                ellipsoidal(zero, &at, self.geoid)?
-            }
-            HeightKind::AboveGround => (self.ground)(&[at])
-                .swap_remove(0)
-                .map_err(|e| format!("its height is above ground, and there is no ground under it: {e}"))?,
-        };
-        Ok(at.at_height(at.height.get() + base))
-    }
-
-    /// The series of the log as a track, and the north that its attitudes count from.
-    ///
-    /// Records that do not come after their predecessor are an error in a table, where somebody declared what the times
-    /// are; autopilots repeat records, and a repeated one is left out and counted.
-    ///
-    /// # Errors
-    /// [`InputError`] for what concerns the whole log. `Ok(None)`: the log has no series of positions.
-    pub(super) fn track(
-        &self,
-        log: &FlightLog,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<(Track, SeriesAttitude)>, InputError> {
-        if log.positions.is_empty() {
-            return Ok(None);
-        }
-        let stated: Vec<_> = log.positions.iter().map(|sample| (sample.value, None)).collect();
-        let mut series = TrackSeries::default();
-        let mut unusable: Option<(u64, String, usize)> = None;
-        for (sample, place) in log.positions.iter().zip(self.positions(&stated)?) {
-            match place {
-                Ok(value) => {
-                    series.positions.push(Sample { place: sample.place, time: sample.time, value });
-                }
-                Err(cause) => {
-                    unusable.get_or_insert((sample.place, cause, 0)).2 += 1;
-                }
-            }
-        }
-        if let Some((place, cause, count)) = unusable {
-            notes.push(format!(
-                "{count} positions of the log cannot be used; the first: record {place}: {cause}"
-            ));
-        }
-        let attitude = series_attitude(log);
-        for Sample { place, time, value } in &log.attitudes {
-            if let LoggedAttitude::Body { angles, .. } | LoggedAttitude::Camera { angles, .. } = value {
-                series.attitudes.push(Sample { place: *place, time: *time, value: *angles });
-            }
-        }
-        for Sample { place, time, value } in &log.gimbals {
-            series.gimbals.push(Sample { place: *place, time: *time, value: value.angles });
-        }
-        series.velocities.clone_from(&log.velocities);
-        series.heights_above_ground.clone_from(&log.heights_above_ground);
-        if self.declared.log.as_table().is_none() {
-            let repeated = advance(&mut series.positions)
-                + advance(&mut series.attitudes)
-                + advance(&mut series.gimbals)
-                + advance(&mut series.velocities)
-                + advance(&mut series.heights_above_ground);
-            if repeated > 0 {
-                notes.push(format!(
-                    "{repeated} records of the log do not come after their predecessor in time and are left out"
-                ));
-            }
-        }
-        match Track::new(series) {
-            Ok(track) => Ok(Some((track, attitude))),
-            Err(TrackError::Empty) => Ok(None),
-            Err(error) => Err(self.of_log(error.to_string())),
-        }
     }
 
     /// The pose of one exposure: what it states itself, and the track at its instant for the rest.
@@ -537,51 +391,6 @@ const fn words(north: North) -> &'static str {
     }
 }
 
-/// What the attitudes of a log's series are; all of them are of one kind.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct SeriesAttitude {
-    /// Of the UAV (true) or of the camera (false); `None`: the log has no attitudes.
-    of_body: Option<bool>,
-    north: North,
-    gimbal: Option<GimbalReference>,
-}
-
-impl SeriesAttitude {
-    const NONE: Self = Self { of_body: None, north: North::True, gimbal: None };
-
-    /// Interpolated angles as the log would have stated them.
-    fn of(self, angles: YawPitchRoll) -> Option<LoggedAttitude> {
-        let north = self.north;
-        Some(match self.of_body? {
-            true => LoggedAttitude::Body { angles, north },
-            false => LoggedAttitude::Camera { angles, north },
-        })
-    }
-}
-
-fn series_attitude(log: &FlightLog) -> SeriesAttitude {
-    let gimbal = log.gimbals.first().map(|sample| sample.value.reference);
-    match log.attitudes.first().map(|sample| sample.value) {
-        Some(LoggedAttitude::Body { north, .. }) => SeriesAttitude { of_body: Some(true), north, gimbal },
-        Some(LoggedAttitude::Camera { north, .. }) => SeriesAttitude { of_body: Some(false), north, gimbal },
-        _ => SeriesAttitude { gimbal, ..SeriesAttitude::NONE },
-    }
-}
-
-/// Leaves out samples that do not come after their predecessor; how many.
-fn advance<T>(samples: &mut Vec<Sample<T>>) -> usize {
-    let before = samples.len();
-    let mut latest = Seconds::new(f64::NEG_INFINITY);
-    samples.retain(|sample| {
-        let later = sample.time > latest;
-        if later {
-            latest = sample.time;
-        }
-        later
-    });
-    before - samples.len()
-}
-
 /// The body that carries the camera looking straight down, its nose at the top of the image.
 fn carrier(ned_from_camera: &Rotation<Ned, Camera>) -> YawPitchRoll {
     let body_from_camera: Rotation<Body, Camera> =
@@ -593,14 +402,6 @@ fn carrier(ned_from_camera: &Rotation<Ned, Camera>) -> YawPitchRoll {
 fn stands_without_attitude(mount: &Mount) -> bool {
     let arms = [mount.antenna_in_body, mount.gimbal_in_body];
     mount.gimbal_reference == GimbalReference::Nav && arms.iter().all(|arm| arm.vector().norm() == 0.0)
-}
-
-fn kind_of(datum: VerticalDatum) -> HeightKind {
-    height_kind(match datum {
-        VerticalDatum::Ellipsoid => HeightDatum::Ellipsoid,
-        VerticalDatum::Egm96 => HeightDatum::Egm96,
-        VerticalDatum::Egm2008 => HeightDatum::Egm2008,
-    })
 }
 
 /// The CRS of the log's own positions: declared, or stated by the file; both must agree where both are there.
