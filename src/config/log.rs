@@ -332,6 +332,8 @@ pub enum Join {
         max_gap_s: f64,
         /// Exposure in log time = the frame's time + this, seconds.
         clock_offset_s: f64,
+        /// Whether the pipeline file states the offset: whoever does says that the two clocks can be compared.
+        offset_stated: bool,
         /// When each frame was taken.
         frames: FrameTimes,
     },
@@ -599,8 +601,9 @@ fn join(
     if kind == JoinKind::Time {
         resolver.unused(&spec.clock_offset_std, "clock_offset_std", "frames are joined by time")?;
         resolver.unused(&spec.anchor, "anchor", "frames are joined by time")?;
+        let offset_stated = spec.clock_offset.is_some();
         let clock_offset = spec.clock_offset.get_or_insert_with(|| Located::unplaced(Duration::new(0.0)));
-        return Ok(Join::Time { max_gap_s, clock_offset_s: clock_offset.seconds(), frames });
+        return Ok(Join::Time { max_gap_s, clock_offset_s: clock_offset.seconds(), offset_stated, frames });
     }
     if spec.clock_offset.is_some() {
         resolver.unused(&spec.anchor, "anchor", "`clock_offset` says how the clocks stand to each other")?;

@@ -13,12 +13,12 @@ pub use sources::{Photos, photos};
 use super::context::{ErrorClass, FrameStatus, RunContext, StageError};
 use crate::camera::{Camera, PixelRotation};
 use crate::config::georeference::{Crs, Georeference, Ground};
-use crate::config::log::{FrameTimes, Join};
+use crate::config::log::{FrameTimes, Join, LogSource};
 use crate::config::{Config, Located};
 use crate::formats::InputError;
 use crate::formats::crs::{self, Projection};
 use crate::formats::files;
-use crate::formats::flight::{BadRecord, FlightLog};
+use crate::formats::flight::{BadRecord, Exposure, FlightLog};
 use crate::formats::geoid::Geoid;
 use crate::formats::metadata::PhotoMetadata;
 use crate::formats::photo::{self, PhotoHeader};
@@ -92,8 +92,10 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
         Some(near) => product_crs(declared, near),
         None => Err(no_rows(declared, &log.bad)),
     };
-    let conventions = Conventions::new(declared, &log, product_grid, &geoid, &under)?;
-    let (poses, matching) = poses_of_images(declared, (&images, &photos), &log, &conventions, &mut notes)?;
+    let own = sources::attitudes_of_photos(declared, &log, &photos);
+    let conventions = Conventions::new(declared, &log, &own, product_grid, &geoid, &under)?;
+    let (poses, matching) =
+        poses_of_images(declared, (&images, &photos, &own), &log, &conventions, &mut notes)?;
     let centre = middle(&poses).ok_or_else(|| no_pose(declared, &images, &log.bad, &poses))?;
     let projection = product_crs(declared, &centre)?;
     notes.extend(scale_note(&projection, &centre));
@@ -134,13 +136,12 @@ pub fn georeference(declared: &Georeference, camera: &Arc<Camera>) -> Result<Geo
 /// A pose for each image, or why it has none.
 fn poses_of_images(
     declared: &Georeference,
-    (images, photos): (&[String], &Photos),
+    (images, photos, own): (&[String], &Photos, &[Option<Exposure>]),
     log: &FlightLog,
     conventions: &Conventions<'_>,
     notes: &mut Vec<String>,
 ) -> Result<(Poses, Option<MatchReport>), InputError> {
     let file = declared.log.file().map_or_else(|| "the photos".to_owned(), |file| base_name(file));
-    let own = sources::attitudes_of_photos(declared, log, photos);
     if own.iter().any(Option::is_some) {
         notes.push(format!("{file} states no attitudes: those that the photos state themselves are used"));
     }
@@ -157,20 +158,20 @@ fn poses_of_images(
     match &declared.log.join {
         Join::Name => {
             let holder = declared.log.file().map_or(Holder::Photos, |_| Holder::File(&file));
-            Ok((join::by_name(images, log, holder, &own, conventions, notes)?, None))
+            Ok((join::by_name(images, log, holder, own, conventions, notes)?, None))
         }
-        Join::Time { max_gap_s, clock_offset_s, frames } => {
+        Join::Time { max_gap_s, clock_offset_s, frames, .. } => {
             let track = conventions.track(log, notes)?.ok_or_else(|| no_rows(declared, &log.bad))?;
             let times = sources::times(frames, images, photos, notes)?;
             let times = sources::on_clock_of(log, times, declared)?;
             let (offset, max_gap) = (Seconds::new(*clock_offset_s), Seconds::new(*max_gap_s));
-            Ok((join::by_time(&times, offset, &track, max_gap, conventions), None))
+            Ok((join::by_time(&times, own, offset, &track, max_gap, conventions), None))
         }
         Join::Match { max_gap_s, clock, frames } => {
             let track = conventions.track(log, notes)?;
-            let times = sources::times(frames, images, photos, notes)?;
+            let times = sources::in_gps_week_of(log, sources::times(frames, images, photos, notes)?);
             let track = (track.as_ref(), Seconds::new(*max_gap_s));
-            let (poses, report) = matched::by_matching(images, &times, log, clock, track, &own, conventions)?;
+            let (poses, report) = matched::by_matching(images, &times, log, clock, track, own, conventions)?;
             notes.extend(report.notes.iter().cloned());
             Ok((poses, Some(report)))
         }
@@ -241,9 +242,12 @@ fn image_names(declared: &Georeference) -> Result<Vec<String>, InputError> {
 fn no_rows(declared: &Georeference, bad: &[BadRecord]) -> InputError {
     let cause = match bad.first() {
         None => "has no positions".to_owned(),
-        Some(row) => {
-            format!("has no usable row; the first of {}: line {}: {}", bad.len(), row.place, row.cause)
-        }
+        Some(row) => format!(
+            "has no usable position; the first of {} records that cannot be used: line {}: {}",
+            bad.len(),
+            row.place,
+            row.cause
+        ),
     };
     of_log(declared, cause)
 }
@@ -373,6 +377,11 @@ pub fn run(config: &Config, camera: &Arc<Camera>, context: &RunContext) -> Resul
     let survey = georeference(declared, camera).map_err(|e| failed(config, e))?;
     if let Some(file) = declared.log.file() {
         context.record_input(file);
+    }
+    if let LogSource::File { stated, .. } = &declared.log.source {
+        for file in [&stated.offset_file, &stated.reference_file].into_iter().flatten() {
+            context.record_input(file);
+        }
     }
     if let Some(FrameTimes::Table(frames)) = declared.log.join.frames() {
         context.record_input(&frames.file);

@@ -262,7 +262,7 @@ fn check_draws_the_coverage_only_where_it_is_told_to() {
     draw("map.png").done();
     let mut after = project.files("");
     let svg = after.remove("map.svg").unwrap();
-    assert!(String::from_utf8(svg).unwrap().contains("How often p sees the ground"));
+    assert!(String::from_utf8(svg).unwrap().contains("p: how often the ground is seen"));
     assert!(after.remove("map.png").unwrap().starts_with(b"\x89PNG"));
     assert_eq!(after, before);
     draw("map.svg").failed(2, &["map.svg exists", "--force"]);

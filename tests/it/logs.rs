@@ -162,6 +162,12 @@ fn exterior_orientations_of_other_programs_lead_to_the_targets() {
     let angles = format!("angles = \"omega_phi_kappa\"\n{heights}");
     expect(at, "geo.txt", &log("odm_geo", "geo.txt", &angles), "", 0.05);
     expect(at, "OpenSfM", &log("opensfm", "reconstruction.json", ""), "", 0.05);
+
+    // A mounting that the camera's own pose has no use for is refused, not ignored.
+    let text = pipeline_with(&log("opensfm", "reconstruction.json", ""), MOUNT);
+    let config = Config::from_text(&at.join("p.toml"), &text, &[]).unwrap();
+    let error = georeference(config.georeference.as_ref().unwrap(), &small_camera()).unwrap_err();
+    assert!(error.cause.contains("would not be used") && error.span.is_some(), "{error}");
 }
 
 /// OpenSfM's reconstruction about the first camera's place, a hundred metres lower.
@@ -445,7 +451,27 @@ fn senefly_photos_state_the_poses_of_their_log() {
     // The table's own rounding: 1e-7 degrees, millimetres, 1e-4 degrees.
     assert!(metres < 0.02 && radians < 5e-6, "{metres} m, {radians} rad");
 
-    // Undeclared, a course is refused.
+    // Undeclared, a course is refused, also where the log only places photos that state it.
+    let positions = tempfile::tempdir().unwrap();
+    let mut geo = "EPSG:4326\n".to_owned();
+    for row in rows(&shared("seneca").unwrap().join("frames.csv")) {
+        let _ = writeln!(geo, "{} {} {} {}", &row[0], &row[4], &row[3], &row[6]);
+    }
+    write(positions.path(), "geo.txt", geo);
+    let log = format!(
+        "format = \"odm_geo\"\nfile = \"{}\"\nheight_datum = \"egm96\"",
+        positions.path().join("geo.txt").display()
+    );
+    let mount = "[georeference.mount]\ngimbal_elevation = \"-90 deg\"";
+    let config = by_photos("seneca-log.toml", &log, mount);
+    let error = georeference(config.georeference.as_ref().unwrap(), &seneca_camera()).unwrap_err();
+    assert!(error.cause.contains("course over ground"), "{error}");
+    let config =
+        by_photos("seneca-log.toml", &format!("{log}\nheading = \"course\"\ncrab_std = \"14 deg\""), mount);
+    let placed = georeference(config.georeference.as_ref().unwrap(), &seneca_camera()).unwrap();
+    let (metres, radians) = difference(&table, &placed);
+    assert!(metres < 0.02 && radians < 5e-6, "{metres} m, {radians} rad");
+
     let config = by_photos(
         "seneca-log.toml",
         "format = \"photos\"",

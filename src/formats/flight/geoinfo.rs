@@ -34,7 +34,7 @@ pub fn read(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadErro
         }
         None if head.names.is_empty() => {
             return Err(ReadError::new("has no header that names its columns")
-                .help("declare its `columns` in their order: frame, latitude, longitude, height, …"));
+                .help("declare its `column_order`: frame, latitude, longitude, height, …"));
         }
         None => (head.names.clone(), head.names.iter().map(|name| Column::named(name)).collect()),
     };

@@ -258,7 +258,7 @@ fn angles_beside_latitude_and_longitude() {
         assert!(matches!(log.exposures[0].position, Some(LoggedPosition::Geodetic { .. })));
         same(&log, pose, "orthority's latitude, longitude and ωφκ");
         let asked = orientation::read(on_grid.as_bytes(), &Declared::default(), None).unwrap_err();
-        assert!(asked.help.unwrap().contains("crs"));
+        assert!(asked.help.unwrap().contains("`position_crs`"));
     }
 }
 

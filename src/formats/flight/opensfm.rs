@@ -141,7 +141,7 @@ fn frame(
                 return Err(ReadError::new(
                     "the reconstruction's grid is no map projection with a finite offset",
                 )
-                .help("give the projected `crs` and the offset of odm_georeferencing/coords.txt"));
+                .help("name odm_georeferencing/coords.txt as `offset_file`"));
             }
             Ok(Frame::Grid(crs, offset))
         }

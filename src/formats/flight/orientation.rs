@@ -51,7 +51,7 @@ impl Program {
             Ok(Self::Orthority)
         } else {
             Err(ReadError::new("has no header of Pix4D, Metashape or orthority")
-                .help("declare its `columns` in their order: frame, x, y, height, omega, phi, kappa, …"))
+                .help("declare its `column_order`: frame, x, y, height, omega, phi, kappa, …"))
         }
     }
 
@@ -162,7 +162,7 @@ fn geojson(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadError
         .map_err(|e| ReadError::new(format!("is no GeoJSON of exterior orientations ({e})")))?;
     let stated = collection.world_crs.as_deref().or(declared.crs).ok_or_else(|| {
         ReadError::new("does not state the coordinate reference system of its positions (world_crs)")
-            .help("declare its `crs`, for example \"EPSG:32617\"")
+            .help("declare its `position_crs`, for example \"EPSG:32617\"")
     })?;
     let crs = Crs::of(stated)?;
     if crs.coordinates != Coordinates::Grid {
@@ -171,8 +171,9 @@ fn geojson(bytes: &[u8], declared: &Declared<'_>) -> Result<FlightLog, ReadError
     let heights = match (crs.heights, declared.heights) {
         (Some(kind), _) | (None, Some(kind)) => kind,
         (None, None) => {
-            return Err(ReadError::new("its world_crs does not state what heights are measured from")
-                .help("declare its `heights`: ellipsoid, egm96, egm2008, above_takeoff or above_ground"));
+            return Err(ReadError::new("its world_crs does not state what heights are measured from").help(
+                "declare its `height_datum`: ellipsoid, egm96, egm2008, above_takeoff or above_ground",
+            ));
         }
     };
     let mut log = FlightLog::new(Clock::Own);

@@ -85,7 +85,7 @@ impl Table {
             return Err(ReadError::new(
                 "its omega, phi, kappa count from a map grid that neither it nor the pipeline names",
             )
-            .help("declare that grid's `crs`"));
+            .help("declare that grid as `position_crs`"));
         }
         let on_grid = grid.is_some() || matches!(crs.coordinates, Coordinates::Grid | Coordinates::Degrees);
         if counts_from_grid && crs.coordinates == Coordinates::Ecef {
@@ -324,7 +324,7 @@ fn no_repeats(plan: &Plan<'_>) -> Result<(), ReadError> {
 fn lacks(plan: &Plan<'_>, what: &str) -> ReadError {
     let names: Vec<_> = plan.names.iter().take(30).map(|n| format!("\"{}\"", short(n))).collect();
     ReadError::new(format!("its columns are not {what}: {}", names.join(", ")))
-        .help("declare the `columns` in their order")
+        .help("declare the `column_order`")
 }
 
 /// The CRS of the positions: latitude and longitude are WGS 84 unless the CRS is known to be another geographic one.
@@ -337,7 +337,7 @@ fn position_crs(stated: Option<&Crs>, geographic: bool) -> Result<Crs, ReadError
         Some(crs) => Ok(crs.clone()),
         None if geographic => Ok(wgs84()),
         None => Err(ReadError::new("does not state the coordinate reference system of its positions")
-            .help("declare its `crs`, for example \"EPSG:32617\"")),
+            .help("declare its `position_crs`, for example \"EPSG:32617\"")),
     }
 }
 
@@ -353,7 +353,7 @@ fn heights(plan: &Plan<'_>, stated: Option<&Crs>, crs: &Crs) -> Result<HeightKin
         (None, None) if crs.coordinates == Coordinates::Ecef => Ok(HeightKind::Ellipsoid),
         (None, None) => plan.heights.ok_or_else(|| {
             ReadError::new("does not state what its heights are measured from")
-                .help("declare its `heights`: ellipsoid, egm96, egm2008, above_takeoff or above_ground")
+                .help("declare its `height_datum`: ellipsoid, egm96, egm2008, above_takeoff or above_ground")
         }),
     }
 }

@@ -144,10 +144,12 @@ fn settle_heights(
         (Some(kind), _) | (None, Some(kind)) => Ok(kind),
         (None, None) if stated.is_some() => {
             Err(ReadError::new("heights are \"geodetic\": above a geoid whose model the file does not name")
-                .help("declare its `heights` (RTKLIB's own geoid is EGM96), or write ellipsoidal heights"))
+                .help(
+                    "declare its `height_datum` (RTKLIB's own geoid is EGM96), or write ellipsoidal heights",
+                ))
         }
         (None, None) => Err(ReadError::new("the header does not state what heights are measured from")
-            .help("declare its `heights`, or let RTKLIB write the full header (out-outhead = on)")),
+            .help("declare its `height_datum`, or let RTKLIB write the full header (out-outhead = on)")),
     }
 }
 

@@ -52,7 +52,9 @@ pub fn match_by_number(photos: &[Option<u64>], triggers: &[Option<u64>]) -> Resu
         .filter_map(|(i, n)| n.as_ref().and_then(|n| trigger_of.get(n)).map(|j| (i, *j)))
         .collect();
     let fewer = photo_of.len().min(trigger_of.len());
-    if pairs.is_empty() || 2 * pairs.len() < fewer {
+    // As many of one as of the other, and yet other numbers: a counter that starts elsewhere.
+    let shifted = photos.len() == triggers.len() && pairs.len() < photo_of.len();
+    if pairs.is_empty() || shifted || 2 * pairs.len() < fewer {
         return Err(MatchError::Order(format!(
             "only {} of {} numbered photos carry the number of one of {} numbered triggers: they do not count the same thing",
             pairs.len(),

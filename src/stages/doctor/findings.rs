@@ -100,6 +100,13 @@ fn weak_match(flight: &Flight<'_>) -> Option<Finding> {
              between frames"
         ));
     }
+    if flight.rests_on_count {
+        said.push(
+            "the exposures are so evenly spaced that only the number of photos and exposures decided which belong together: \
+             a photo lost at one end and an event lost at the other would shift all of them by one"
+                .to_owned(),
+        );
+    }
     (!said.is_empty()).then(|| Finding {
         severity: Severity::Warning,
         code: "match-weak",
@@ -153,8 +160,8 @@ fn horizon(flight: &Flight<'_>) -> Option<Finding> {
         severity: Severity::Warning,
         code: "horizon",
         text: format!(
-            "{} of {} frames see the horizon, or ground that is missing or out of range, in part of the image ({}); that \
-             part is not used",
+            "{} of {} frames see the horizon, or ground that is missing or out of range, or have pixels that the lens cannot \
+             resolve, in part of the image ({}); that part is not used",
             frames.len(),
             flight.views.len(),
             names(&frames)
@@ -390,6 +397,8 @@ pub(super) mod tests {
         flight.matches.clear();
         flight.clock_std_s = Some(0.4);
         assert_eq!(codes(&examined(&mut flight)), ["horizon", "soft-photos"]);
+        flight.rests_on_count = true;
+        assert!(examined(&mut flight)[0].text.contains("only the number of photos"));
     }
 
     #[test]

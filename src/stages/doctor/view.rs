@@ -92,6 +92,8 @@ pub(super) struct Flight<'a> {
     pub matches: BTreeMap<String, Match>,
     /// One sigma of the offset between the clocks of photos and log, where times were aligned.
     pub clock_std_s: Option<f64>,
+    /// Whether only the number of photos and exposures decided how they were matched.
+    pub rests_on_count: bool,
     /// Height of the geoid above the ellipsoid at the survey.
     pub undulation_m: Option<f64>,
     pub overlap: Option<Overlap>,
@@ -140,6 +142,7 @@ impl<'a> Flight<'a> {
             rejected: survey.rejected.iter().map(|r| (r.frame.clone(), r.reason.clone())).collect(),
             photos,
             matches,
+            rests_on_count: matching.is_some_and(|report| report.rests_on_count),
             clock_std_s: matching.and_then(|report| Some(report.clock?.offset_std.get())),
             undulation_m,
             overlap: None,
@@ -189,6 +192,7 @@ impl<'a> Flight<'a> {
             rejected: Vec::new(),
             photos,
             matches: BTreeMap::new(),
+            rests_on_count: false,
             clock_std_s: None,
             undulation_m: None,
             overlap: None,

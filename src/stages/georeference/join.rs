@@ -134,20 +134,24 @@ pub(super) fn antennas(
 }
 
 /// The pose of each image, interpolated at the time it was taken.
+///
+/// - `own`: as in [`by_name`].
 pub(super) fn by_time(
     times: &Clocked,
+    own: &[Option<Exposure>],
     offset: Seconds,
     track: &(Track, SeriesAttitude),
     max_gap: Seconds,
     conventions: &Conventions<'_>,
 ) -> Poses {
-    let pose = |time: &Result<Seconds, String>| {
+    let pose = |(k, time): (usize, &Result<Seconds, String>)| {
         let time = time.clone()? + offset;
         let exposure = Exposure { time: Some(time), ..Exposure::at(track.0.place_at(time)) };
         let found = format!("interpolated at {:.3} s of the log's clock", time.get());
-        conventions.pose(&exposure, None, Some(track), max_gap, found)
+        let photo = own.get(k).and_then(Option::as_ref);
+        conventions.pose(&with_own(&exposure, photo), None, Some(track), max_gap, found)
     };
-    times.of_images.iter().map(pose).collect()
+    times.of_images.iter().enumerate().map(pose).collect()
 }
 
 /// When each image was taken, from a table whose rows name images; in the images' order.

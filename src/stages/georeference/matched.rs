@@ -7,7 +7,7 @@ use crate::config::log::StatedClock;
 use crate::formats::InputError;
 use crate::formats::flight::{Clock, Exposure, FlightLog};
 use crate::navigation::{
-    ClockFit, ClockPrior, MatchError, MatchOptions, Matching, PhotoTime, Track, match_by_number,
+    ClockFit, ClockPrior, MatchError, MatchOptions, Matching, OrderMatch, PhotoTime, Track, match_by_number,
     match_exposures, match_in_order,
 };
 use crate::report::match_figure::match_residuals;
@@ -21,6 +21,9 @@ pub struct MatchReport {
     pub rows: Vec<MatchRow>,
     /// The camera's clock against the log's, where times decided.
     pub clock: Option<ClockFit>,
+    /// Whether only the number of photos and exposures decided: a photo lost at one end and an event lost at the other would
+    /// go unnoticed.
+    pub rests_on_count: bool,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
 }
@@ -78,6 +81,7 @@ struct Found {
     photos: Vec<(usize, String)>,
     exposures: Vec<(usize, String)>,
     clock: Option<ClockFit>,
+    rests_on_count: bool,
     notes: Vec<String>,
 }
 
@@ -97,7 +101,8 @@ pub(super) fn by_matching(
     own: &[Option<Exposure>],
     conventions: &Conventions<'_>,
 ) -> Result<(Poses, MatchReport), InputError> {
-    let found = find(images, times, log, clock).map_err(|refusal| refusal.of_log(conventions))?;
+    let found = find(images, times, (log, conventions.numbers_name_photos()), clock)
+        .map_err(|refusal| refusal.of_log(conventions))?;
     let antennas = antennas(&log.exposures, conventions)?;
     let mut poses: Poses = vec![Err("no exposure of the log was matched with it".to_owned()); images.len()];
     for (photo, reason) in &found.photos {
@@ -124,7 +129,12 @@ pub(super) fn by_matching(
     Ok((poses, report(images, times, log, found)))
 }
 
-fn find(images: &[String], times: &Clocked, log: &FlightLog, stated: &StatedClock) -> Result<Found, Refusal> {
+fn find(
+    images: &[String],
+    times: &Clocked,
+    (log, numbers_name_photos): (&FlightLog, bool),
+    stated: &StatedClock,
+) -> Result<Found, Refusal> {
     let photos: Vec<PhotoTime> = times
         .of_images
         .iter()
@@ -133,6 +143,15 @@ fn find(images: &[String], times: &Clocked, log: &FlightLog, stated: &StatedCloc
             resolution: Seconds::new(times.resolution_s),
         })
         .collect();
+    if log.exposures.is_empty() {
+        return Err(Refusal::NoExposures);
+    }
+    if numbers_name_photos
+        && *stated == StatedClock::Unknown
+        && let Some(found) = by_number(images, &photos, log)?
+    {
+        return Ok(found);
+    }
     let timed: Vec<usize> = (0..log.exposures.len()).filter(|k| log.exposures[*k].time.is_some()).collect();
     let any_photo_time = photos.iter().any(|photo| photo.time.is_some());
     if timed.is_empty() || !any_photo_time {
@@ -174,7 +193,7 @@ fn clock_prior(
             Ok(ClockPrior::Anchor { photo, trigger })
         }
         StatedClock::Unknown => Ok(match times.std_s {
-            Some(std_s) if log.clock == Clock::Utc && times.clock == Clock::Utc => {
+            Some(std_s) if log.clock == times.clock && matches!(log.clock, Clock::Utc | Clock::GpsWeek) => {
                 if std_s == 0.0 {
                     ClockPrior::Same
                 } else {
@@ -188,6 +207,15 @@ fn clock_prior(
 
 /// Why nothing was matched.
 enum Refusal {
+    /// The log holds none.
+    NoExposures,
+    /// The numbers of photos and exposures do not belong together.
+    Numbers(MatchError),
+    /// The numbers of photos and exposures and their times contradict each other.
+    NumbersAndTimes {
+        /// How far the times of equal numbers spread, seconds.
+        spread_s: f64,
+    },
     /// The series themselves.
     Match(MatchError),
     /// A setting.
@@ -204,6 +232,20 @@ impl Refusal {
     fn of_log(self, conventions: &Conventions<'_>) -> InputError {
         match self {
             Self::Setting(error) => error,
+            Self::NoExposures => conventions
+                .of_log("holds no exposures (camera triggers) to match the photos with".to_owned())
+                .help("interpolate at the photos' times: `join = \"time\"` in [georeference.log]"),
+            Self::Numbers(error) => conventions
+                .of_log(format!(
+                    "its exposures are numbered like the photos' names, but not with the same numbers: {error}"
+                ))
+                .help("name one photo and its record: `anchor = { frame = \"...\", record = ... }` in [georeference.log]; the times then decide"),
+            Self::NumbersAndTimes { spread_s } => conventions
+                .of_log(format!(
+                    "its exposures carry the numbers of the photos' names, and their times contradict that: from photo to \
+                     photo the two clocks differ by up to {spread_s:.1} s"
+                ))
+                .help("are these the photos of this log? otherwise state how the clocks stand to each other: `clock_offset` in [georeference.log]"),
             Self::Match(error) => {
                 let help = match &error {
                     MatchError::Ambiguous { offset_s, .. } => format!(
@@ -261,20 +303,64 @@ fn of_times(matching: Matching, timed: &[usize]) -> Found {
             .map(|(k, reason)| (timed[*k], reason.to_string()))
             .collect(),
         clock: Some(matching.clock),
+        rests_on_count: matching.rests_on_count,
         notes,
     }
+}
+
+/// By numbers that name the photos (DJI's .MRK), where photos and exposures all have one and their times do not speak
+/// against it.
+fn by_number(images: &[String], photos: &[PhotoTime], log: &FlightLog) -> Result<Option<Found>, Refusal> {
+    /// Shutter delays, and what a camera's clock loses within a flight.
+    const TOLERATED_S: f64 = 2.0;
+    let numbers: Vec<Option<u64>> = images.iter().map(|name| number_in(name)).collect();
+    let sequence: Vec<Option<u64>> = log.exposures.iter().map(|exposure| exposure.sequence).collect();
+    if !numbers.iter().chain(&sequence).all(Option::is_some) {
+        return Ok(None);
+    }
+    let matched = match match_by_number(&numbers, &sequence) {
+        Ok(matched) => matched,
+        // Other numbers altogether name other things; some of them the same leave two readings open.
+        Err(_) if numbers.iter().all(|number| !sequence.contains(number)) => return Ok(None),
+        Err(error) => return Err(Refusal::Numbers(error)),
+    };
+    let apart =
+        |(photo, exposure): &(usize, usize)| Some(log.exposures[*exposure].time? - photos[*photo].time?);
+    let mut offsets: Vec<f64> = matched.pairs.iter().filter_map(apart).map(Seconds::get).collect();
+    offsets.sort_by(f64::total_cmp);
+    let middle = offsets.get(offsets.len() / 2).copied().unwrap_or(0.0);
+    let resolution = photos.iter().map(|photo| photo.resolution.get()).fold(0.0, f64::max);
+    let spread_s = offsets.iter().map(|offset| (offset - middle).abs()).fold(0.0, f64::max);
+    if spread_s > TOLERATED_S + resolution {
+        return Err(Refusal::NumbersAndTimes { spread_s });
+    }
+    let mut found = numbered(matched);
+    for pair in &mut found.pairs {
+        pair.residual = apart(&(pair.photo, pair.exposure)).map(|offset| offset - Seconds::new(middle));
+    }
+    if !offsets.is_empty() {
+        found.notes.push(format!(
+            "the times of photos and exposures agree with that: beside a constant offset of {middle:+.1} s they differ by \
+             {spread_s:.1} s at most"
+        ));
+    }
+    Ok(Some(found))
 }
 
 /// By the numbers that photos and exposures carry, or by their order.
 fn without_times(images: &[String], log: &FlightLog) -> Result<Found, Refusal> {
     let numbers: Vec<Option<u64>> = images.iter().map(|name| number_in(name)).collect();
     let sequence: Vec<Option<u64>> = log.exposures.iter().map(|exposure| exposure.sequence).collect();
-    let numbered = numbers.iter().all(Option::is_some) && sequence.iter().all(Option::is_some);
-    let matched = match numbered {
+    let all_numbered = numbers.iter().all(Option::is_some) && sequence.iter().all(Option::is_some);
+    let matched = match all_numbered {
         true => match_by_number(&numbers, &sequence)?,
         false => match_in_order(images.len(), log.exposures.len())?,
     };
-    Ok(Found {
+    Ok(numbered(matched))
+}
+
+fn numbered(matched: OrderMatch) -> Found {
+    Found {
         pairs: matched
             .pairs
             .iter()
@@ -296,8 +382,9 @@ fn without_times(images: &[String], log: &FlightLog) -> Result<Found, Refusal> {
             .map(|k| (*k, "no photo has its number".to_owned()))
             .collect(),
         clock: None,
+        rests_on_count: false,
         notes: vec![matched.assumed],
-    })
+    }
 }
 
 /// The last group of digits in a file's name: 17 in `DJI_20240501_0017_V.JPG`.
@@ -348,12 +435,51 @@ fn report(images: &[String], times: &Clocked, log: &FlightLog, found: Found) -> 
             reason,
         }
     }));
-    MatchReport { rows: of_photo, clock: found.clock, notes: found.notes }
+    MatchReport {
+        rows: of_photo,
+        clock: found.clock,
+        rests_on_count: found.rests_on_count,
+        notes: found.notes,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Evenly spaced exposures: times alone would leave every shift open, or take the wrong one.
+    #[test]
+    fn numbers_that_name_the_photos_decide_and_times_may_only_object() {
+        let mut log = FlightLog::new(Clock::Utc);
+        log.exposures = (17..=34)
+            .map(|number| Exposure {
+                sequence: Some(number),
+                time: Some(Seconds::new(1e9 + 2.0 * number as f64)),
+                ..Exposure::at(number)
+            })
+            .collect();
+        let images: Vec<String> = (18..=35).map(|number| format!("DJI_{number:04}.JPG")).collect();
+        let photo = |number: u64, late: f64| PhotoTime {
+            time: Some(Seconds::new(1e9 - 3600.0 + 2.0 * number as f64 + late)),
+            resolution: Seconds::new(1.0),
+        };
+        let photos: Vec<PhotoTime> = (18..=35).map(|number| photo(number, 0.3)).collect();
+        // As many of one as of the other with other numbers: a counter that starts elsewhere, or one lost at each end?
+        assert!(matches!(by_number(&images, &photos, &log), Err(Refusal::Numbers(_))));
+        let elsewhere: Vec<String> = (500..518).map(|number| format!("IMG_{number}.JPG")).collect();
+        assert!(matches!(by_number(&elsewhere, &photos, &log), Ok(None)));
+        let found = by_number(&images[..17], &photos[..17], &log).ok().flatten().unwrap();
+        assert_eq!(found.pairs.len(), 17);
+        assert!(found.pairs.iter().all(|pair| pair.exposure == pair.photo + 1));
+        assert!(found.pairs.iter().all(|pair| pair.residual.unwrap().get().abs() < 1e-6));
+        assert_eq!(found.exposures, [(0, "no photo has its number".to_owned())]);
+        let strange: Vec<PhotoTime> =
+            (18..35).map(|number| photo(number, 9.0 * (number % 3) as f64)).collect();
+        assert!(matches!(
+            by_number(&images[..17], &strange, &log),
+            Err(Refusal::NumbersAndTimes { spread_s }) if spread_s > 8.0
+        ));
+    }
 
     #[test]
     fn numbers_of_photos_are_the_last_digits_of_the_name() {

@@ -11,6 +11,7 @@ use crate::config::georeference::{
     Georeference, GimbalAngle, GimbalReference as DeclaredReference, LeverArm,
     PixelRotation as DeclaredRotation,
 };
+use crate::config::log::{LogFormat, LogSource};
 use crate::formats::InputError;
 use crate::formats::crs::Projection;
 use crate::formats::flight::{
@@ -18,7 +19,7 @@ use crate::formats::flight::{
 };
 use crate::formats::geoid::Geoid;
 use crate::formats::log::{height_kind, north};
-use crate::geodesy::{Geodetic, LocalTangent, WGS84, grid_convergence};
+use crate::geodesy::{Geodetic, HeightKind, LocalTangent, WGS84, grid_convergence};
 use crate::geometry::attitude::YawPitchRoll;
 use crate::geometry::{Body, Camera, Displacement, Frame, Ned, Point, Rotation};
 use crate::navigation::{GimbalAngles, GimbalReference, Mount, NavigationRecord, Track, declination};
@@ -113,22 +114,31 @@ pub(super) struct Conventions<'a> {
 }
 
 impl<'a> Conventions<'a> {
+    /// - `own`: what each photo says of its own attitude, where the log says nothing of any; may be empty.
     /// - `product_crs`: the grid that a yaw from grid north counts from where the log has no CRS of its own.
     ///
     /// # Errors
-    /// [`InputError`] for a CRS that PROJ does not know or that is missing.
+    /// [`InputError`] for a CRS that PROJ does not know or that is missing, a course that nobody declared, and a mounting
+    /// or a north that would not be used.
     pub(super) fn new(
         declared: &'a Georeference,
         log: &'a FlightLog,
+        own: &[Option<Exposure>],
         product_crs: impl FnOnce() -> Result<Projection, InputError>,
         geoid: &'a Geoid,
         ground: HeightsUnder<'a>,
     ) -> Result<Self, InputError> {
-        declared_course(declared, log)?;
-        let own = position_crs(declared, log)?;
-        let grid = match own {
+        let attitudes: Vec<LoggedAttitude> = log
+            .attitudes
+            .iter()
+            .map(|sample| sample.value)
+            .chain(log.exposures.iter().chain(own.iter().flatten()).filter_map(|exposure| exposure.attitude))
+            .collect();
+        declared_course(declared, &attitudes)?;
+        used_mount(declared, log, &attitudes)?;
+        let grid = match position_crs(declared, log)? {
             Some(projection) => Some(projection),
-            None if needs_grid(declared, log) => Some(product_crs()?),
+            None if needs_grid(declared, &attitudes) => Some(product_crs()?),
             None => None,
         };
         Ok(Self { declared, geoid, grid, ground, clock: log.clock, origins: &log.origins })
@@ -149,7 +159,7 @@ impl<'a> Conventions<'a> {
         max_gap: Seconds,
         found: String,
     ) -> Result<Posed, String> {
-        let mut applied: Vec<String> = self.height_applied(exposure).into_iter().collect();
+        let mut applied = self.height_applied(exposure, antenna.as_ref());
         let around = self.around(exposure, antenna.is_some(), track, max_gap)?;
         let series = track.map_or(SeriesAttitude::NONE, |(_, attitude)| *attitude);
         let antenna = antenna
@@ -174,15 +184,6 @@ impl<'a> Conventions<'a> {
             .gimbal
             .or_else(|| Some(LoggedGimbal { angles: around.as_ref()?.gimbal?, reference: series.gimbal? }));
         let mut mount = mount(self.declared);
-        if exposure.camera_from_antenna.is_some() {
-            // The record's own offset is the whole way to the camera.
-            mount = Mount {
-                antenna_in_body: Displacement::zero(),
-                gimbal_in_body: Displacement::zero(),
-                camera_in_gimbal: Displacement::zero(),
-                ..mount
-            };
-        }
         let gimbal = match stated {
             // The pose is the camera's own: there is nothing between it and the record.
             Some(stated) if !matches!(stated, LoggedAttitude::Body { .. }) => {
@@ -223,19 +224,40 @@ impl<'a> Conventions<'a> {
         Ok(Posed { record, mount, source })
     }
 
-    /// What was done to the height, beyond what its origin says.
-    fn height_applied(&self, exposure: &Exposure) -> Option<String> {
-        let stated = match exposure.position {
-            Some(LoggedPosition::Geodetic { kind, .. } | LoggedPosition::Projected { kind, .. }) => {
-                Some(kind)
-            }
-            _ => None,
+    /// What was done to the height that an exposure states.
+    fn height_applied(&self, exposure: &Exposure, antenna: Option<&Geodetic>) -> Vec<String> {
+        let Some(position) = &exposure.position else { return Vec::new() };
+        let mut applied = Vec::new();
+        let stated = match position {
+            LoggedPosition::Geodetic { kind, .. } | LoggedPosition::Projected { kind, .. } => Some(*kind),
+            LoggedPosition::Ecef(_) => None,
         };
-        let instead = self.declared.log.height_datum.filter(|datum| Some(height_kind(*datum)) != stated)?;
-        Some(format!(
-            "the height is taken to be {}, as [georeference.log] height_datum declares",
-            instead.words()
-        ))
+        let instead = self.declared.log.height_datum;
+        if let Some(instead) = instead.filter(|datum| Some(height_kind(*datum)) != stated) {
+            applied.push(format!(
+                "the height is taken to be {}, as [georeference.log] height_datum declares",
+                instead.words()
+            ));
+        }
+        // As stated, and what it counts from once the declaration has had its say.
+        if let (Ok((at, kind)), Some(antenna)) =
+            (self.place(position, exposure.height_above_takeoff_m), antenna)
+            && kind != HeightKind::Ellipsoid
+        {
+            let from = match kind {
+                HeightKind::Ellipsoid => "above the ellipsoid".to_owned(),
+                HeightKind::SeaLevel(model) => format!("above sea level ({})", model.name()),
+                HeightKind::Barometric => "by air pressure".to_owned(),
+                HeightKind::AboveTakeoff => "above take-off".to_owned(),
+                HeightKind::AboveGround => "above the ground".to_owned(),
+            };
+            let (stated, now) = (at.height.get(), antenna.height.get());
+            applied.push(format!(
+                "{stated:.3} m {from} are {now:.3} m above the ellipsoid there ({:+.3} m)",
+                now - stated
+            ));
+        }
+        applied
     }
 
     /// The track at an exposure that does not state everything itself.
@@ -329,6 +351,11 @@ impl<'a> Conventions<'a> {
             applied.push("yaw is the course over ground: the crab angle is not corrected".to_owned());
         }
         Ok(YawPitchRoll::new((angles.yaw + turn).wrapped(), angles.pitch, angles.roll))
+    }
+
+    /// Whether the numbers of the log's exposures are those at the end of the photos' names.
+    pub(super) fn numbers_name_photos(&self) -> bool {
+        matches!(self.declared.log.source, LogSource::File { format: LogFormat::DjiMrk, .. })
     }
 
     /// An error of the whole log.
@@ -435,7 +462,7 @@ pub(super) fn position_crs(
 }
 
 /// A course may stand for the nose only where somebody said how far off it may be.
-fn declared_course(declared: &Georeference, log: &FlightLog) -> Result<(), InputError> {
+fn declared_course(declared: &Georeference, attitudes: &[LoggedAttitude]) -> Result<(), InputError> {
     let is_course = |attitude: &LoggedAttitude| {
         matches!(
             attitude,
@@ -443,26 +470,63 @@ fn declared_course(declared: &Georeference, log: &FlightLog) -> Result<(), Input
                 | LoggedAttitude::Camera { north: North::Course, .. }
         )
     };
-    let any = log.attitudes.iter().any(|sample| is_course(&sample.value))
-        || log.exposures.iter().filter_map(|e| e.attitude.as_ref()).any(is_course);
-    if any && declared.log.heading.is_none() && declared.log.crab_std_rad.is_none() {
+    let undeclared = declared.log.heading.is_none() && declared.log.crab_std_rad.is_none();
+    if undeclared && attitudes.iter().any(is_course) {
         return Err(InputError::of_setting(
             &declared.log.table,
-            "the log's yaw is the course over ground, not the direction of the nose",
+            "the yaw is the course over ground, not the direction of the nose",
         )
         .help("to use it as if the nose pointed along it, add `heading = \"course\"` and `crab_std = \"10 deg\"` (one standard deviation of the crab angle) to [georeference.log]"));
     }
     Ok(())
 }
 
-/// Whether any angle of the log counts from a grid.
-fn needs_grid(declared: &Georeference, log: &FlightLog) -> bool {
+/// A mounting or a north that no pose would take up is refused, not left out in silence.
+fn used_mount(
+    declared: &Georeference,
+    log: &FlightLog,
+    attitudes: &[LoggedAttitude],
+) -> Result<(), InputError> {
+    let of_body = |attitude: &LoggedAttitude| matches!(attitude, LoggedAttitude::Body { .. });
+    let m = mount(declared);
+    let arms = m.antenna_in_body.vector().norm()
+        + m.gimbal_in_body.vector().norm()
+        + m.camera_in_gimbal.vector().norm()
+        > 0.0;
+    let turned = m.boresight != YawPitchRoll::default()
+        || declared.log.as_table().is_none() && declared.mount.elevation != GimbalAngle::Logged;
+    let unused = |what: &str, because: &str| {
+        Err(InputError::of_setting(&declared.mount.table, format!("{what} would not be used: {because}"))
+            .help("remove them from [georeference.mount]"))
+    };
+    if !attitudes.is_empty() && !attitudes.iter().any(of_body) && (arms || turned) {
+        return unused("lever arms, boresight and gimbal angles", "the log states the camera's own pose");
+    }
+    if arms && log.exposures.iter().any(|exposure| exposure.camera_from_antenna.is_some()) {
+        return unused(
+            "lever arms",
+            "the log states the way from the antenna to the camera for each exposure",
+        );
+    }
+    let has_yaw = |attitude: &LoggedAttitude| {
+        matches!(attitude, LoggedAttitude::Body { .. } | LoggedAttitude::Camera { .. })
+    };
+    if declared.log.heading.is_some() && !attitudes.is_empty() && !attitudes.iter().any(has_yaw) {
+        return Err(InputError::of_setting(
+            &declared.log.table,
+            "`heading` would not be used: the log states rotations of the camera, not a yaw",
+        )
+        .help("remove `heading`"));
+    }
+    Ok(())
+}
+
+/// Whether any angle counts from a grid.
+fn needs_grid(declared: &Georeference, attitudes: &[LoggedAttitude]) -> bool {
     let on_grid = |attitude: &LoggedAttitude| match attitude {
         LoggedAttitude::Body { north, .. } | LoggedAttitude::Camera { north, .. } => *north == North::Grid,
         LoggedAttitude::CameraOnGrid(_) => true,
         LoggedAttitude::CameraInNed(_) => false,
     };
-    declared.log.heading.map(north) == Some(North::Grid)
-        || log.attitudes.iter().any(|sample| on_grid(&sample.value))
-        || log.exposures.iter().filter_map(|e| e.attitude.as_ref()).any(on_grid)
+    declared.log.heading.map(north) == Some(North::Grid) || attitudes.iter().any(on_grid)
 }

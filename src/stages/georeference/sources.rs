@@ -76,7 +76,7 @@ pub(super) fn attitudes_of_photos(
 ) -> Vec<Option<Exposure>> {
     let silent = |exposure: &Exposure| exposure.attitude.is_none() && exposure.gimbal.is_none();
     let is_file = matches!(declared.log.source, LogSource::File { .. });
-    if !is_file || !log.attitudes.is_empty() || !log.exposures.iter().all(silent) {
+    if !is_file || !log.attitudes.is_empty() || !log.gimbals.is_empty() || !log.exposures.iter().all(silent) {
         return Vec::new();
     }
     photos
@@ -137,14 +137,16 @@ pub(super) fn times(
             Ok(Clocked { of_images, clock, resolution_s, std_s: None })
         }
         FrameTimes::Photos { utc_offset_s } => {
-            let times = of_photos(photos, utc_offset_s.map(Seconds::new));
-            notes.push(format!(
-                "when the frames were taken is read from {}",
-                match times.clock {
-                    Clock::Utc => "the photos, in UTC",
-                    _ => "the photos, on the camera's own clock",
-                }
-            ));
+            let (times, words) = of_photos(photos, utc_offset_s.map(Seconds::new));
+            let digits = match times.resolution_s >= 0.5 {
+                true => format!(
+                    ", whose last digit is worth {} s: at 10 m/s that is {:.0} m along the track",
+                    times.resolution_s,
+                    10.0 * times.resolution_s
+                ),
+                false => String::new(),
+            };
+            notes.push(format!("when the frames were taken is read from {words} of the photos{digits}"));
             Ok(times)
         }
     }
@@ -154,7 +156,7 @@ pub(super) fn times(
 type TimeOf<'a> = &'a dyn Fn(&PhotoMetadata) -> Option<(Seconds, f64)>;
 
 /// The finest time that nearly every photo states, and the same one for all: two kinds of time are not one series.
-fn of_photos(photos: &Photos, utc_offset: Option<Seconds>) -> Clocked {
+fn of_photos(photos: &Photos, utc_offset: Option<Seconds>) -> (Clocked, &'static str) {
     /// Below this share of the photos, a kind of time is not the set's.
     const NEARLY_ALL: f64 = 0.9;
     let maker = |photo: &PhotoMetadata| photo.times.maker.map(|t| (t.time, t.resolution_s));
@@ -169,7 +171,7 @@ fn of_photos(photos: &Photos, utc_offset: Option<Seconds>) -> Clocked {
     let share = |time: TimeOf<'_>| {
         photos.iter().flatten().filter_map(time).count() as f64 / photos.len().max(1) as f64
     };
-    let kinds: [(TimeOf<'_>, Clock, Option<f64>, &str); 4] = [
+    let kinds: [(TimeOf<'_>, Clock, Option<f64>, &'static str); 4] = [
         (&maker, Clock::Utc, Some(0.0), "the maker's UTC"),
         // Of the receiver's last fix before the photo, in whole seconds as a rule.
         (&gps, Clock::Utc, Some(1.5), "EXIF GPS time"),
@@ -190,7 +192,18 @@ fn of_photos(photos: &Photos, utc_offset: Option<Seconds>) -> Clocked {
         .collect();
     let resolution_s =
         photos.iter().flatten().filter_map(time).map(|(_, r)| r).fold(1e-3, |a: f64, b| a.max(b));
-    Clocked { of_images, clock, resolution_s, std_s }
+    (Clocked { of_images, clock, resolution_s, std_s }, words)
+}
+
+/// Times in UTC brought to the seconds of the GPS week that the log counts in; other times as they are.
+pub(super) fn in_gps_week_of(log: &FlightLog, mut times: Clocked) -> Clocked {
+    if (log.clock, times.clock) == (Clock::GpsWeek, Clock::Utc) {
+        for time in times.of_images.iter_mut().flatten() {
+            *time = gps_week_second(*time);
+        }
+        times.clock = Clock::GpsWeek;
+    }
+    times
 }
 
 /// The images' times on the clock of the log.
@@ -199,9 +212,10 @@ fn of_photos(photos: &Photos, utc_offset: Option<Seconds>) -> Clocked {
 /// [`InputError`] when the two clocks cannot be compared.
 pub(super) fn on_clock_of(
     log: &FlightLog,
-    mut times: Clocked,
+    times: Clocked,
     declared: &Georeference,
 ) -> Result<Clocked, InputError> {
+    let times = in_gps_week_of(log, times);
     let words = |clock: Clock| match clock {
         Clock::Utc => "UTC",
         Clock::GpsWeek => "seconds of a GPS week",
@@ -210,16 +224,8 @@ pub(super) fn on_clock_of(
     };
     match (log.clock, times.clock) {
         (a, b) if a == b => Ok(times),
-        (Clock::GpsWeek, Clock::Utc) => {
-            for time in times.of_images.iter_mut().flatten() {
-                *time = gps_week_second(*time);
-            }
-            times.clock = Clock::GpsWeek;
-            Ok(times)
-        }
         (log_clock, frame_clock) => {
-            let offset_declared =
-                matches!(declared.log.join, Join::Time { clock_offset_s, .. } if clock_offset_s != 0.0);
+            let offset_declared = matches!(declared.log.join, Join::Time { offset_stated: true, .. });
             // Whoever states the offset between two clocks says that they can be compared.
             if offset_declared {
                 return Ok(times);

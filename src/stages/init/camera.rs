@@ -131,7 +131,12 @@ fn spread(f: f64, f_share: f64, centre: f64) -> Vec<Line> {
 }
 
 fn of_photos(survey: &Survey<'_>) -> Vec<Line> {
-    let mut photos = survey.photos.photos.iter().filter_map(|photo| photo.metadata.as_ref());
+    // A photo whose own metadata is broken speaks for no other.
+    let all: Vec<&PhotoMetadata> =
+        survey.photos.photos.iter().filter_map(|photo| photo.metadata.as_ref()).collect();
+    let telling = all.iter().filter(|photo| photo.optics != Optics::default()).count();
+    let keep = |photo: &&PhotoMetadata| telling == 0 || photo.optics != Optics::default();
+    let mut photos = all.into_iter().filter(keep);
     let Some(first) = photos.next() else { return unknown(survey) };
     let others: Vec<&PhotoMetadata> = photos.collect();
     let (w, h) = survey.size();

@@ -40,7 +40,7 @@ fn a_header_names_the_columns_in_any_order_and_delimiter() {
 fn without_a_header_the_columns_must_be_declared() {
     let text = b"a.jpg,46.5,6.25,540.5,10,-80,1\n";
     let asked = read(text, &declared()).unwrap_err();
-    assert!(asked.help.unwrap().contains("columns"));
+    assert!(asked.help.unwrap().contains("`column_order`"));
     use Column::{Frame, Height, Latitude, Longitude, Pitch, Roll, Unused, Yaw};
     let columns = [Frame, Latitude, Longitude, Height, Yaw, Pitch, Roll];
     let with = Declared { columns: Some(&columns), ..declared() };
@@ -59,9 +59,9 @@ fn without_a_header_the_columns_must_be_declared() {
 #[test]
 fn nothing_is_guessed() {
     let geographic = b"image,lat,lon,alt\na.jpg,46.5,6.25,540.5\n";
-    assert!(read(geographic, &Declared::default()).unwrap_err().help.unwrap().contains("heights"));
+    assert!(read(geographic, &Declared::default()).unwrap_err().help.unwrap().contains("`height_datum`"));
     let map = b"image,x,y,z\na.jpg,474191.175,5091809.612,540.5\n";
-    assert!(read(map, &declared()).unwrap_err().help.unwrap().contains("crs"));
+    assert!(read(map, &declared()).unwrap_err().help.unwrap().contains("`position_crs`"));
     let log = read(map, &Declared { crs: Some("EPSG:32632"), ..declared() }).unwrap();
     assert_eq!(log.crs.as_deref(), Some("EPSG:32632"));
     assert!(matches!(log.exposures[0].position, Some(LoggedPosition::Projected { .. })));

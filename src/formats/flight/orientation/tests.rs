@@ -47,7 +47,7 @@ fn pix4ds_offset_is_added_once() {
 #[test]
 fn pix4ds_positions_have_no_header() {
     let text = b"IMG_1.JPG,332081.126,3488911.8,93.5\nIMG_2.JPG,332091.126,3488911.8,93.5\n";
-    assert!(read(text, &UTM, None).unwrap_err().help.unwrap().contains("columns"));
+    assert!(read(text, &UTM, None).unwrap_err().help.unwrap().contains("`column_order`"));
     let log = read(text, &Declared { columns: Some(&PIX4D_IMAGES_POSITION), ..UTM }, None).unwrap();
     assert_eq!((log.exposures.len(), log.exposures[1].place, log.exposures[0].attitude), (2, 2, None));
 }
@@ -113,7 +113,7 @@ fn metashapes_reference_states_its_crs() {
 fn orthoritys_files_and_their_gaps() {
     let csv = b"filename,x,y,z,omega,phi,kappa,camera\na.jpg,1000,2000,300,0.5,1,2,\"cam, 1\"\n";
     let no_crs = Declared { crs: None, ..UTM };
-    assert!(read(csv, &no_crs, None).unwrap_err().help.unwrap().contains("crs"));
+    assert!(read(csv, &no_crs, None).unwrap_err().help.unwrap().contains("`position_crs`"));
     assert_eq!(map(&read(csv, &UTM, None).unwrap()), [1000.0, 2000.0, 300.0]);
     let feature = |name: &str, xyz: &str, opk: &str| {
         format!(r#"{{"properties": {{"filename": {name}, "xyz": {xyz}, "opk": {opk}}}}}"#)
@@ -132,7 +132,13 @@ fn orthoritys_files_and_their_gaps() {
     assert_eq!((log.bad[0].place, log.bad[0].frame.as_deref()), (2, Some("../b.jpg")));
     let Some(LoggedAttitude::CameraOnGrid(angles)) = log.exposures[0].attitude else { panic!() };
     assert!((angles.kappa.get() - 0.17).abs() < 1e-15);
-    assert!(read(json.as_bytes(), &Declared::default(), None).unwrap_err().help.unwrap().contains("heights"));
+    assert!(
+        read(json.as_bytes(), &Declared::default(), None)
+            .unwrap_err()
+            .help
+            .unwrap()
+            .contains("`height_datum`")
+    );
     for bad in ["{", "{}", r#"{"features": 1}"#, r#"{"world_crs": "EPSG:4326", "features": []}"#] {
         assert!(read(bad.as_bytes(), &no_crs, None).is_err(), "{bad}");
     }
@@ -144,7 +150,7 @@ fn orthoritys_files_and_their_gaps() {
 fn other_tables_are_refused() {
     assert!(read(b"time,x,y,z\n1,2,3,4\n", &UTM, None).unwrap_err().cause.contains("no header"));
     assert!(read(b"", &UTM, None).is_err());
-    assert!(read(b"filename,x,y\na,1,2\n", &UTM, None).unwrap_err().help.unwrap().contains("columns"));
+    assert!(read(b"filename,x,y\na,1,2\n", &UTM, None).unwrap_err().help.unwrap().contains("`column_order`"));
 }
 
 proptest! {

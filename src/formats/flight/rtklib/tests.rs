@@ -127,7 +127,7 @@ fn earth_centred_rows_and_their_sigmas() {
 #[test]
 fn heights_are_asked_for_when_the_file_does_not_say() {
     let geodetic = LLH.replace("WGS84/ellipsoidal", "WGS84/geodetic");
-    assert!(read(geodetic.as_bytes(), false, None).unwrap_err().help.unwrap().contains("heights"));
+    assert!(read(geodetic.as_bytes(), false, None).unwrap_err().help.unwrap().contains("`height_datum`"));
     let sea = HeightKind::SeaLevel(GeoidModel::Egm96);
     let log = read(geodetic.as_bytes(), false, Some(sea)).unwrap();
     assert_eq!(geodetic_of(&log.positions[0].value).3, sea);

@@ -49,7 +49,7 @@ impl Conventions<'_> {
     }
 
     /// Latitude and longitude, with the height as stated and what it counts from.
-    fn place(
+    pub(super) fn place(
         &self,
         position: &LoggedPosition,
         above_takeoff: Option<f64>,
@@ -57,17 +57,20 @@ impl Conventions<'_> {
         let instead = self.declared.log.height_datum;
         let height = |height_m: f64, kind: HeightKind| match (instead, above_takeoff) {
             // A record that states both heights has the one above take-off in a place of its own.
-            (Some(HeightDatum::AboveTakeoff), Some(above)) => (above, HeightKind::AboveTakeoff),
-            (Some(datum), _) => (height_m, height_kind(datum)),
-            (None, _) => (height_m, kind),
+            (Some(HeightDatum::AboveTakeoff), Some(above)) => Ok((above, HeightKind::AboveTakeoff)),
+            (Some(HeightDatum::AboveTakeoff), None) if kind != HeightKind::AboveTakeoff => {
+                Err("`height_datum` is above_takeoff, and it states no height above take-off".to_owned())
+            }
+            (Some(datum), _) => Ok((height_m, height_kind(datum))),
+            (None, _) => Ok((height_m, kind)),
         };
         match (*position, &self.grid) {
             (LoggedPosition::Geodetic { latitude, longitude, height_m, kind }, _) => {
-                let (height_m, kind) = height(height_m, kind);
+                let (height_m, kind) = height(height_m, kind)?;
                 Ok((Geodetic { latitude, longitude, height: Metres::new(height_m) }, kind))
             }
             (LoggedPosition::Projected { map, height_m, kind }, Some(projection)) => {
-                let (height_m, kind) = height(height_m, kind);
+                let (height_m, kind) = height(height_m, kind)?;
                 let at = projection.geodetic_from_map(&[map]).map_err(|e| e.to_string())?[0];
                 Ok((at.at_height(height_m), kind))
             }
